@@ -295,6 +295,13 @@ pub fn mask_of<T>(values: &[T], belongs: impl Fn(&T) -> bool) -> NodeMask {
     mask
 }
 
+/// The nodes whose value `belongs`, a mask a brick.
+pub(crate) fn masks_of(values: &[f32], belongs: impl Fn(&f32) -> bool + Sync) -> Vec<NodeMask> {
+    let mut masks = vec![NodeMask::default(); values.len() / BRICK_NODES];
+    par::fill(&mut masks, |brick| mask_of(&values[brick * BRICK_NODES..][..BRICK_NODES], &belongs));
+    masks
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

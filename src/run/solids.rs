@@ -38,10 +38,17 @@ pub(super) fn fill(
         for shape in shapes {
             let Shape::Mesh(mesh) = shape else { continue };
             if let Some(deformation) = deformation(mesh, unfilled)? {
-                if let Some(found) = Soundness::of(&deformation.first_mesh()).report().filter(|_| is_first) {
+                if is_first && let Some(found) = Soundness::of(&deformation.first_mesh()).report() {
                     reporter.note(&format!("{}: found {found}", printable(&mesh.file)));
                 }
                 mesh.fill_deforming(Arc::new(deformation));
+                if mesh.volume() == Some(0.0) {
+                    return Err(RunError::Request(format!(
+                        "{}: found no node inside at resolution {}, expected parts thicker than a voxel; raise `resolution`",
+                        printable(&mesh.file),
+                        mesh.resolution
+                    )));
+                }
                 continue;
             }
             let name = (mesh.file.clone(), mesh.resolution);

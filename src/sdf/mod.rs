@@ -39,6 +39,7 @@ pub use sampled::Sampled;
 pub(crate) use sampled::SampledGrid;
 pub(crate) use soundness::Soundness;
 pub use triangles::Triangles;
+pub(crate) use triangles::{bounds, volume_below};
 
 pub use second::{Nodes, Order, refine};
 pub use seed::{SeedRule, Seeds, seeds};

@@ -2,7 +2,7 @@
 //!
 //! Vertices at the same place are one, so that a triangle soup whose triangles fit is closed.
 
-use super::Triangles;
+use super::{Triangles, volume_below};
 use crate::par;
 
 /// Counts of what makes a mesh no closed, oriented surface.
@@ -83,12 +83,8 @@ fn welded(mesh: &Triangles) -> Vec<u32> {
 
 /// Volume that the triangles enclose, in the mesh's units.
 fn volume(mesh: &Triangles) -> f64 {
-    let origin = mesh.positions.first().copied().unwrap_or_default().cast::<f64>();
-    let sixth = |i: usize| {
-        let [a, b, c] = mesh.corners(i).map(|x| x.cast::<f64>() - origin);
-        a.dot(&b.cross(&c)) / 6.0
-    };
-    par::sum(mesh.triangles.len(), sixth)
+    let origin = mesh.positions.first().copied().unwrap_or_default();
+    par::sum(mesh.triangles.len(), |i| volume_below(mesh.corners(i), origin))
 }
 
 #[cfg(test)]

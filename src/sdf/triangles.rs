@@ -22,7 +22,19 @@ impl Triangles {
 
     /// The lowest and highest corner of the triangles' bounding box; `None` without a triangle.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
-        let corners = self.triangles.iter().flatten().map(|&corner| self.positions[corner as usize]);
-        corners.map(|x| (x, x)).reduce(|a, b| (a.0.inf(&b.0), a.1.sup(&b.1)))
+        bounds(&self.triangles, &self.positions)
     }
+}
+
+/// The lowest and highest corner of the box around triangles; `None` without one.
+pub(crate) fn bounds(triangles: &[[u32; 3]], positions: &[Vec3]) -> Option<(Vec3, Vec3)> {
+    let corners = triangles.iter().flatten().map(|&corner| positions[corner as usize]);
+    corners.map(|x| (x, x)).reduce(|a, b| (a.0.inf(&b.0), a.1.sup(&b.1)))
+}
+
+/// Part of a triangle in the volume that a closed mesh encloses: that of the tetrahedron with `origin`, positive if the triangle is
+/// counter-clockwise seen from outside.
+pub(crate) fn volume_below([a, b, c]: [Vec3; 3], origin: Vec3) -> f64 {
+    let [a, b, c] = [a, b, c].map(|x| x.cast::<f64>() - origin.cast());
+    a.dot(&b.cross(&c)) / 6.0
 }

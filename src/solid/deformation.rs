@@ -12,7 +12,7 @@
 use crate::{
     math::Vec3,
     par,
-    sdf::{self, MARGIN_NODES, Sampled, SampledGrid, Solidified, Triangles},
+    sdf::{self, MARGIN_NODES, Sampled, SampledGrid, Triangles},
 };
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -22,7 +22,7 @@ const KEY_DISPLACEMENT: f32 = 2.0;
 /// Most keys between two samples: a vertex that moves farther does not move but jumps.
 const MAX_KEYS_BETWEEN_SAMPLES: f32 = 256.0;
 
-/// Most keys of a file: a tenth of a second of sampling each at least, which is a day.
+/// Most keys of a file, which take 24 MB.
 const MAX_KEYS: usize = 1_000_000;
 
 /// Grids start and end at multiples of so many voxels, so that grids derived from them at a coarser voxel share their nodes too.
@@ -90,9 +90,6 @@ pub(crate) enum DeformationError {
         /// Nodes that it may have.
         limit: f64,
     },
-    /// A mesh whose parts are all thinner than a voxel.
-    #[error("no node of the first sample's field is inside at this `resolution`")]
-    TooThin,
     /// Motion that needs too many keys.
     #[error("the motion needs {keys} distance fields, expected at most 1000000")]
     TooLong {
@@ -162,7 +159,8 @@ impl Deformation {
         resolution: u32,
     ) -> Result<Self, DeformationError> {
         assert!(!samples.is_empty() && samples.len() == times.len(), "a time for each sample");
-        let boxes: Vec<(Vec3, Vec3)> = samples.iter().map(|x| bounds(&triangles, x)).collect();
+        let boxes: Vec<(Vec3, Vec3)> =
+            samples.iter().map(|x| sdf::bounds(&triangles, x).unwrap_or_default()).collect();
         let side = |(low, high): (Vec3, Vec3)| (high - low).amax();
         let size = side(boxes[0]);
         let voxel = size / resolution as f32;
@@ -173,7 +171,10 @@ impl Deformation {
         if let Some(sample) = boxes.iter().position(|&all| sizes(side(all)) > MAX_GROWTH) {
             return Err(DeformationError::Grown { sample, sizes: sizes(side(boxes[sample])) });
         }
-        let volumes: Vec<f64> = samples.iter().map(|x| volume(&triangles, x).abs()).collect();
+        let forest = par::Forest::new(samples[0].len());
+        triangles.iter().for_each(|&[a, b, c]| [b, c].into_iter().for_each(|other| forest.join(a, other)));
+        let components = forest.roots();
+        let volumes: Vec<f64> = samples.iter().map(|x| volume(&triangles, &components, x)).collect();
         let largest = volumes.iter().copied().fold(0.0, f64::max);
         let collapsed = |&volume: &f64| volume < COLLAPSED_VOLUME * largest || largest == 0.0;
         if let Some(sample) = volumes.iter().position(collapsed) {
@@ -223,11 +224,6 @@ impl Deformation {
                 return Err(DeformationError::TooLarge { time, nodes, limit });
             }
         }
-        let first = made.sampled(0);
-        if first.inside == 0 {
-            return Err(DeformationError::TooThin);
-        }
-        made.recent.lock().unwrap_or_else(PoisonError::into_inner).push((0, Arc::new(first.field)));
         Ok(made)
     }
 
@@ -286,18 +282,13 @@ impl Deformation {
             return field.clone();
         }
         // Without the lock: a thread that waits for the field's parts may take over work that needs the lock.
-        let made = Arc::new(self.sampled(key).field);
+        let Key { sample, part, .. } = self.keys[key];
+        let mesh = Triangles { positions: self.between(sample, part), triangles: self.triangles.clone() };
+        let made = Arc::new(sdf::on_grid(&mesh, self.grid(key)).field);
         let mut recent = recent();
         recent.retain(|(of, _)| of.abs_diff(key) == 1);
         recent.push((key, made.clone()));
         made
-    }
-
-    /// Samples the distance at a key.
-    fn sampled(&self, key: usize) -> Solidified {
-        let Key { sample, part, .. } = self.keys[key];
-        let mesh = Triangles { positions: self.between(sample, part), triangles: self.triangles.clone() };
-        sdf::on_grid(&mesh, self.grid(key))
     }
 
     /// The mesh of the first sample.
@@ -307,7 +298,7 @@ impl Deformation {
 
     /// The largest number of nodes of a field.
     pub(crate) fn max_nodes(&self) -> usize {
-        par::map(self.keys.len(), |key| self.grid(key).count()).into_iter().max().unwrap_or(0)
+        (0..self.keys.len()).map(|key| self.grid(key).count()).max().unwrap_or(0)
     }
 
     /// Memory of its vertices and keys [bytes].
@@ -354,20 +345,14 @@ impl Deformation {
     }
 }
 
-/// Lowest and highest corner of the box around the triangles' vertices.
-fn bounds(triangles: &[[u32; 3]], positions: &[Vec3]) -> (Vec3, Vec3) {
-    let corners = triangles.iter().flatten().map(|&corner| positions[corner as usize]);
-    corners.map(|x| (x, x)).reduce(|a, b| (a.0.inf(&b.0), a.1.sup(&b.1))).unwrap_or_default()
-}
-
-/// Volume that triangles enclose; positive if they are seen counter-clockwise from outside.
-fn volume(triangles: &[[u32; 3]], positions: &[Vec3]) -> f64 {
-    let first = positions[0].cast::<f64>();
-    let sixth = |triangle: &[u32; 3]| {
-        let [a, b, c] = triangle.map(|corner| positions[corner as usize].cast::<f64>() - first);
-        a.dot(&b.cross(&c)) / 6.0
-    };
-    triangles.iter().map(sixth).sum()
+/// Volume that a mesh encloses: the sum over its connected components, each of which may be seen from inside.
+fn volume(triangles: &[[u32; 3]], components: &[u32], positions: &[Vec3]) -> f64 {
+    let mut volumes = vec![0.0; positions.len()];
+    for triangle in triangles {
+        let corners = triangle.map(|corner| positions[corner as usize]);
+        volumes[components[triangle[0] as usize] as usize] += sdf::volume_below(corners, positions[0]);
+    }
+    volumes.iter().map(|volume| volume.abs()).sum()
 }
 
 /// The vertex that moves farthest, and how far.
@@ -467,6 +452,11 @@ mod tests {
         assert!(refused(vec![still.clone(), flat.clone()]).contains("sample 1 encloses"));
         assert!(refused(vec![flat]).contains("sample 0 encloses"));
         assert!(refused(vec![vec![Vec3::zeros(); 8]]).contains("no extent"));
+        // A second box that is seen from inside does not cancel the first.
+        let two: Vec<Vec3> = [block(Vec3::zeros(), 1.0), block(Vec3::x() * 2.0, 1.0)].concat();
+        let flipped = faces().into_iter().map(|[a, b, c]| [a + 8, c + 8, b + 8]);
+        let both = faces().into_iter().chain(flipped).collect();
+        assert!(Deformation::new(both, vec![two.clone(), two], vec![0.0, 1.0], 16).is_ok());
         // Within eight sizes, and more nodes than memory should be taken for; they are counted only.
         let samples = vec![still.clone(), block(Vec3::zeros(), 3.5), block(Vec3::zeros(), 7.5)];
         let large = Deformation::new(faces(), samples, vec![0.0, 1.0, 2.0], 128).unwrap_err().to_string();

@@ -87,6 +87,8 @@ impl Pose {
 pub struct Motion {
     keys: Vec<Key>,
     interpolation: Interpolation,
+    /// Smallest and largest size over that of the shape as written.
+    scales: [f32; 2],
 }
 
 /// A keyframe in seconds.
@@ -127,7 +129,10 @@ impl Motion {
                 },
             })
             .collect();
-        (!keys.is_empty()).then_some(Self { keys, interpolation })
+        let scales = keyframes
+            .iter()
+            .fold([f32::INFINITY, 0.0_f32], |[low, high], key| [low.min(key.scale), high.max(key.scale)]);
+        (!keys.is_empty()).then_some(Self { keys, interpolation, scales })
     }
 
     /// That of what stands still at the world's origin.
@@ -136,6 +141,7 @@ impl Motion {
         Self {
             keys: vec![Key { time: 0.0, position: Vector3::zeros(), turn, scale: 1.0 }],
             interpolation: Interpolation::Linear,
+            scales: [1.0; 2],
         }
     }
 
@@ -151,13 +157,12 @@ impl Motion {
 
     /// Smallest and largest size over that of the shape as written.
     pub(crate) fn scales(&self) -> [f32; 2] {
-        let scales = self.keys.iter().map(|key| key.scale as f32);
-        scales.fold([f32::INFINITY, 0.0], |[low, high], scale| [low.min(scale), high.max(scale)])
+        self.scales
     }
 
     /// Whether the size ever differs from that of the shape as written.
     pub(crate) fn is_scaling(&self) -> bool {
-        self.scales() != [1.0, 1.0]
+        self.scales != [1.0; 2]
     }
 
     /// The interpolated keyframe at time `t` [s].

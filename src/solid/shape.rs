@@ -1,6 +1,7 @@
 //! The shapes of colliders and sources.
 
 use super::MeshShape;
+use crate::math::Vec3;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 
@@ -116,6 +117,14 @@ impl Shape {
             }
             Self::Mesh(mesh) => Self::Mesh(mesh.scaled(scale)),
         }
+    }
+
+    /// Displacement of the surface near `x` since the shape was `before`, along the normal [m]. Both distances are contacts: beyond the grid of a
+    /// mesh the lower bounds of [`Self::signed_distance`] differ from them, and what rests would seem to move.
+    #[inline]
+    pub(crate) fn displacement_since(&self, before: &Self, x: Vec3) -> Vec3 {
+        let (d, n) = self.contact(x);
+        n * (before.contact(x).0 - d)
     }
 
     /// Whether it is a mesh whose vertices move, once its files are read.

@@ -205,8 +205,21 @@ fn volumes_and_arrays_hold_what_the_points_hold() {
     let changed: Vec<&String> =
         before.iter().zip(&after).filter(|(a, b)| a != b).map(|(_, (name, _))| name).collect();
     assert!(changed.iter().any(|name| name.ends_with("_0016.vdb")), "{changed:?}");
-    assert!(changed.iter().all(|name| !name.ends_with(".mcf")), "{changed:?}");
+    assert!(changed.iter().all(|name| name.ends_with(".vdb")), "{changed:?}");
     desk.run("verify white", 0);
+
+    // Files that are not requested stay in the list as long as they show the same.
+    let listed = |amount: &str| {
+        desk.run(&format!("whitewater white --set whitewater.amount={amount}"), 0);
+        let manifest: Value =
+            serde_json::from_slice(&fs::read(desk.path("white/shot.json")).unwrap()).unwrap();
+        let outputs = manifest["outputs"].as_array().unwrap().clone();
+        outputs.iter().map(|output| output["format"].as_str().unwrap().to_owned()).collect::<Vec<_>>()
+    };
+    assert_eq!(listed("1").iter().filter(|format| *format != "ply").count(), 2);
+    assert_eq!(listed("0.5"), ["ply"]);
+    desk.run("verify white", 0);
+    desk.run(files, 0);
 
     for wrong in ["[]", "[\"ply\",\"ply\"]", "[\"obj\"]"] {
         let (_, talk) = desk.run(&format!("whitewater white --set whitewater.files={wrong}"), 2);

@@ -9,7 +9,7 @@ use crate::{
     },
     field::{Density, DensityParams, Velocity, density_of_radii, velocity},
     frame::Stream,
-    grid::{BRICK_NODES, Bricks, NodeMask, SparseGrid, mask_of},
+    grid::{Bricks, NodeMask, SparseGrid, masks_of},
     mesh::{RadiusScales, SurfaceError, SurfaceParams, positions},
     par,
     sdf::{SdfParams, SignedDistance, from_density},
@@ -82,7 +82,7 @@ impl ParticleGrids {
 
         let surface = requested.contains(&VolumeGrid::Surface).then(|| surface(&field, &distance));
         go_on()?;
-        let is_dense = masks(&field.grid.values, |&v| v > 0.0);
+        let is_dense = masks_of(&field.grid.values, |&v| v > 0.0);
         let velocities = particles.vec3("velocity").filter(|_| requested.contains(&VolumeGrid::Velocity));
         let velocity = velocities.map(|velocities| {
             let found = velocity(positions, velocities, &params, &field.grid.bricks);
@@ -145,7 +145,7 @@ impl ParticleGrids {
 /// The distance to the surface of a density, the nodes it was found for, and the density's bricks deeper inside.
 fn surface(field: &Density, params: &SdfParams) -> (SignedDistance, Vec<NodeMask>, Vec<[i32; 3]>) {
     let distance = from_density(&field.grid, field.threshold, params);
-    let active = masks(&distance.grid.values, |v| v.abs() < distance.band);
+    let active = masks_of(&distance.grid.values, |v| v.abs() < distance.band);
     // A brick that the band does not reach is on one side as a whole.
     let coords = field.grid.bricks.coords().iter().enumerate();
     let inside = coords
@@ -156,13 +156,6 @@ fn surface(field: &Density, params: &SdfParams) -> (SignedDistance, Vec<NodeMask
         .copied()
         .collect();
     (distance, active, inside)
-}
-
-/// The nodes whose value `belongs`, a mask a brick.
-fn masks(values: &[f32], belongs: impl Fn(&f32) -> bool + Sync) -> Vec<NodeMask> {
-    let mut masks = vec![NodeMask::default(); values.len() / BRICK_NODES];
-    par::fill(&mut masks, |brick| mask_of(&values[brick * BRICK_NODES..][..BRICK_NODES], &belongs));
-    masks
 }
 
 /// How many nodes are in `a` and not in `b`.

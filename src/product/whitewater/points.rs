@@ -7,11 +7,15 @@ use super::{
 };
 use crate::{
     cache::WrittenFile,
-    export::{MeshFormat, ply, vdb::VolumeParams},
+    export::{
+        MeshFormat, ply,
+        vdb::{self, VolumeParams},
+    },
     frame::{Channel, FrameIndex, Stream},
     job::{
         OutputFiles, RunError, ShotFolder,
         batch::{BatchRequest, FileTarget, FrameFiles, ProductFolder, Written},
+        file_records::{FileRecords, hex},
     },
     mesh::Points,
     sim::whitewater::{Kind, WhitewaterFormat, WhitewaterParams},
@@ -21,6 +25,9 @@ use xxhash_rust::xxh3::xxh3_64;
 
 /// Raised whenever a change of what a file holds gives the same whitewater another one.
 const POINTS_VERSION: u32 = 1;
+
+/// Raised whenever a change of what a volume holds gives the same whitewater another one.
+const VOLUME_VERSION: u32 = 1;
 
 /// The name of the files.
 const NAME: &str = "whitewater";
@@ -34,26 +41,38 @@ pub(super) struct FileSettings<'a> {
     pub(super) params: &'a WhitewaterParams,
     pub(super) volume: &'a VolumeParams,
     pub(super) request: &'a BatchRequest,
+    /// What was written before.
+    pub(super) records: &'a FileRecords,
 }
 
 impl FileSettings<'_> {
     /// What the files of a frame are made for: whitewater with a key, selected by an amount.
     pub(super) fn target(&self, index: FrameIndex, key: u64) -> FileTarget {
-        let mut text = format!("whitewater points {POINTS_VERSION} {key:016x} {}", self.params.amount);
-        if self.params.files.contains(&WhitewaterFormat::Vdb) {
-            let settings = serde_json::to_string(&(self.params.voxel, self.volume));
-            text += &settings.expect("settings are plain data");
-        }
+        let text = format!("whitewater points {POINTS_VERSION} {key:016x} {}", self.params.amount);
         FileTarget { index, name: NAME.into(), key: xxh3_64(text.as_bytes()), state: None }
     }
 
+    /// The key of the volume of a target, which its own settings decide, too.
+    fn volume_key(&self, target: &FileTarget) -> u64 {
+        let settings = serde_json::to_string(&(self.params.voxel, self.volume.compression));
+        let settings = settings.expect("settings are plain data");
+        xxh3_64(format!("whitewater volume {VOLUME_VERSION} {:016x} {settings}", target.key).as_bytes())
+    }
+
+    /// Outputs that are not requested, and whose file of the frame shows other whitewater.
+    fn stale(&self, out: &ShotFolder, target: &FileTarget) -> Vec<OutputFiles> {
+        let others = WhitewaterFormat::ALL.into_iter().filter(|format| !self.params.files.contains(format));
+        let outputs = others.map(|format| output(format, target.index));
+        let shows_other = |output: &OutputFiles| {
+            let record = self.records.of(&output.file_name(target.index.0));
+            output.file(out, target.index.0).exists()
+                && record.is_none_or(|(record, _)| record.key != hex(target.key))
+        };
+        outputs.filter(shows_other).collect()
+    }
+
     /// The files of a target, if they are there as their records have them.
-    pub(super) fn up_to_date(
-        &self,
-        out: &ShotFolder,
-        target: &FileTarget,
-        records: &crate::job::file_records::FileRecords,
-    ) -> Option<FrameFiles> {
+    pub(super) fn up_to_date(&self, out: &ShotFolder, target: &FileTarget) -> Option<FrameFiles> {
         let outputs = self.params.files.iter().map(|&format| {
             let mut output = output(format, target.index);
             if format == WhitewaterFormat::Ply {
@@ -61,8 +80,14 @@ impl FileSettings<'_> {
             }
             output
         });
-        let files = FrameFiles { outputs: outputs.collect(), written: None, stale: Vec::new() };
-        files.are_recorded(out, records, target).then_some(files)
+        let outputs: Vec<OutputFiles> = outputs.collect();
+        let volume = outputs.iter().find(|output| output.format == "vdb");
+        let has_key = volume.is_none_or(|output| {
+            let found = vdb::made_from(&output.file(out, target.index.0));
+            found.is_some_and(|(key, _)| key == self.volume_key(target))
+        });
+        let files = FrameFiles { outputs, written: None, stale: self.stale(out, target) };
+        (has_key && files.are_recorded(out, self.records, target)).then_some(files)
     }
 
     /// Writes the files of a target. Returns them, and the particles that volumes cannot hold.
@@ -91,7 +116,7 @@ impl FileSettings<'_> {
                         self.request.check_memory(None, |_| bytes).map(drop)
                     })?;
                     too_far = made.too_far;
-                    made.write(&path, self.volume, target.key)?
+                    made.write(&path, self.volume.compression, self.volume_key(target))?
                 }
             };
             written.add(&output, file);
@@ -113,7 +138,7 @@ impl FileSettings<'_> {
         let (count, mib) = (stream.len(), written.record.bytes() as f64 / f64::from(1 << 20));
         let seconds = start.elapsed().as_secs_f64();
         written.figures = format!("frame {}  {count} particles  {mib:.2} MiB  {seconds:.2} s", target.index);
-        Ok((FrameFiles { outputs, written: Some(written), stale: Vec::new() }, too_far))
+        Ok((FrameFiles { outputs, written: Some(written), stale: self.stale(out, target) }, too_far))
     }
 }
 

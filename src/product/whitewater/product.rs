@@ -130,7 +130,9 @@ impl Product for WhitewaterPoints {
                 "found no parameters of whitewater, expected `[whitewater]`".into(),
             ));
         };
-        let settings = FileSettings { params, volume: &request.settings.volume, request: request.batch };
+        let records = &FileRecords::read(request.out, self.name())?;
+        let settings =
+            FileSettings { params, volume: &request.settings.volume, request: request.batch, records };
         whitewater(scene, settings, shot, request.out, control)
     }
 }
@@ -165,9 +167,8 @@ fn whitewater(
     let (title, fps) = source.title(out, request.fps)?;
     let mut ledger = Ledger::new(out, &WhitewaterPoints, control)?;
     let folder = out.subfolder(WhitewaterPoints.name());
-    let records = FileRecords::read(out, WhitewaterPoints.name())?;
     let chain = Chain::new(scene, params, shot, folder, FrameIndex(last), request)?;
-    let mut writer = Writer { chain, settings, out, records, force: request.force };
+    let mut writer = Writer { chain, settings, out, force: request.force };
     let ended = writer.frames(&requested, source.absent(), &mut ledger, control);
     ledger.finish(&title, fps, &requested, ended, control)
 }
@@ -177,7 +178,6 @@ struct Writer<'a> {
     chain: Chain<'a>,
     settings: FileSettings<'a>,
     out: &'a ShotFolder,
-    records: FileRecords,
     force: bool,
 }
 
@@ -239,7 +239,7 @@ impl Writer<'_> {
     ) -> Result<(), RunError> {
         let start = Instant::now();
         let target = self.settings.target(outcome.index, self.chain.key(place));
-        let kept = || self.settings.up_to_date(self.out, &target, &self.records);
+        let kept = || self.settings.up_to_date(self.out, &target);
         if !self.force && self.chain.is_stored(place) {
             if !is_requested {
                 return Ok(());

@@ -8,10 +8,10 @@ use crate::{
     cache::WrittenFile,
     export::{
         ExportError,
-        vdb::{self, Class, Grid, VolumeParams},
+        vdb::{self, Class, Compression, Grid, Precision, VolumeParams},
     },
     frame::{FrameIndex, Stream},
-    grid::{BRICK, BRICK_NODES, Bricks, NodeMask, SparseGrid, mask_of, offset},
+    grid::{BRICK, BRICK_NODES, Bricks, NodeMask, SparseGrid, masks_of, offset},
     job::{OutputFiles, batch::ProductFolder},
     math::Vec3,
     sim::whitewater::Kind,
@@ -103,14 +103,11 @@ impl Fractions {
     pub(super) fn write(
         &self,
         path: &Path,
-        params: &VolumeParams,
+        compression: Compression,
         key: u64,
     ) -> Result<WrittenFile, ExportError> {
-        let masks: Vec<Vec<NodeMask>> = self
-            .grids
-            .iter()
-            .map(|(_, grid)| (0..grid.bricks.len()).map(|i| mask_of(grid.brick(i), |&v| v > 0.0)).collect())
-            .collect();
+        let masks: Vec<Vec<NodeMask>> =
+            self.grids.iter().map(|(_, grid)| masks_of(&grid.values, |&v| v > 0.0)).collect();
         let grids: Vec<Grid> = self
             .grids
             .iter()
@@ -123,7 +120,8 @@ impl Fractions {
                 active,
             })
             .collect();
-        vdb::write(&grids, path, params, key)
+        // Half precision ends at 6e-8, which fine spray in a coarse grid is below.
+        vdb::write(&grids, path, &VolumeParams { precision: Precision::Float, compression }, key)
     }
 }
 

@@ -2,8 +2,8 @@
 //!
 //! *Method*: a body is a solid whose pose at the end of the substep follows from its velocities. Whatever a body does to a particle, by
 //! its density, by projection, by friction and by surface tension, acts on the body with the opposite sign at the same place, so that momentum is
-//! conserved to rounding, but for corrections of particles that are shortened, which are counted. Reactions alone diverge where a body is light (the added-mass instability). Therefore
-//! an iteration solves the pressures or projections of all particles at a body together with the six velocities of the body: with the diagonal D of
+//! conserved to rounding, but for corrections of particles that are shortened, which are counted. Reactions alone diverge where a body is
+//! light (the added-mass instability). Therefore an iteration solves the pressures or projections of all particles at a body together with the six velocities of the body: with the diagonal D of
 //! the liquid and the rows u_i of the body, (D + U M⁻¹ Uᵀ) κ = C, by the identity of Woodbury with a system of six unknowns for each body.
 //! *Departs from*: [akinci12], whose coupling is explicit and whose bodies are sampled with particles; here solids are distance fields. The
 //! pressures at the body are those of the strong coupling of [gissler19], without an iteration of their own.

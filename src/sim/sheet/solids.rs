@@ -104,9 +104,10 @@ impl PlacedSolid<'_> {
         }
         let pose = self.poses.as_ref().map_or_else(Pose::identity, |poses| poses[end]);
         let local = pose.to_local(x);
-        let [(before, _), (after, _)] = self.shapes.each_ref().map(|shape| shape.contact(local));
-        let (_, n) = self.shapes[end].contact(local);
-        pose.rotation * n * (before - after)
+        // The distance at the start less that at the end; the normal of the requested end.
+        let [start, finish] = &self.shapes;
+        let (of, other, sign) = if end == 1 { (finish, start, 1.0) } else { (start, finish, -1.0) };
+        pose.rotation * of.displacement_since(other, local) * sign
     }
 
     /// Displacement of the solid during the substep, at a place at its start [m].

@@ -62,10 +62,15 @@ pub struct WhitewaterParams {
 pub enum WhitewaterFormat {
     /// Points as binary PLY, which Blender shows.
     Ply,
-    /// Volume fractions of spray, foam and bubbles as three grids of an OpenVDB file [1].
+    /// Volume fractions of spray, foam and bubbles as three grids of single precision in an OpenVDB file [1].
     Vdb,
     /// The points as NumPy arrays.
     Npz,
+}
+
+impl WhitewaterFormat {
+    /// Every format.
+    pub(crate) const ALL: [Self; 3] = [Self::Ply, Self::Vdb, Self::Npz];
 }
 
 /// Omits the default, so that hashes of shots from before this key stay the same.

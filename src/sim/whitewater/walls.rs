@@ -128,7 +128,8 @@ impl Walls {
                     let n = after.pose.rotation * n;
                     let mut displacement = after.pose.to_world(local) - before.pose.to_world(local);
                     if after.is_deforming {
-                        displacement += n * (before.shape.contact(local).0 - d);
+                        displacement +=
+                            after.pose.rotation * after.shape.displacement_since(&before.shape, local);
                     }
                     let surface = displacement / solids.dt.max(f32::MIN_POSITIVE);
                     mover.v -= n * (mover.v - surface).dot(&n).min(0.0);

@@ -11,8 +11,7 @@ use crate::{
 };
 use std::sync::Arc;
 
-/// Most steps along the normal out of a part that moved over a particle. Each is as long as the distance to the nearest surface; two are
-/// usual.
+/// Most steps along the normal out of a part that moved over a particle. Each is as long as the distance to the nearest surface.
 const MAX_MARCHING_STEPS: usize = 8;
 
 /// A solid whose shape or size changes.
@@ -44,12 +43,10 @@ impl Deforming {
         self.before = shape.clone();
     }
 
-    /// Displacement of the surface near `x` over the substep, along its normal, in its own axes [m]. Both distances are contacts: beyond the
-    /// grid of a mesh the lower bounds of a distance differ from them, and what rests would seem to move.
+    /// Displacement of the surface near `x` over the substep, along its normal, in its own axes [m].
     #[inline]
     pub(super) fn displacement(&self, shape: &Shape, x: Vec3) -> Vec3 {
-        let (d, n) = shape.contact(x);
-        n * (self.before.contact(x).0 - d)
+        shape.displacement_since(&self.before, x)
     }
 
     /// Where the path of a particle relative to the surface starts that was at `x` at the start of the substep, in its own axes: as far off

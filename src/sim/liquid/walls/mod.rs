@@ -117,8 +117,8 @@ impl Body {
     fn new(solid: &Solid, mover: Option<usize>, rest: &RestState) -> Self {
         let is_scaling = solid.motion.as_ref().is_some_and(Motion::is_scaling);
         let density_map = match &solid.shape {
-            // A map holds for one size.
-            Shape::Mesh(mesh) if !is_scaling => density_map::equivalent_distances(mesh, rest),
+            // A shape that changes gets its map when it is placed in time.
+            Shape::Mesh(mesh) if !solid.is_deforming() => density_map::equivalent_distances(mesh, rest),
             _ => None,
         };
         let (shape, surface) = (solid.shape.clone(), Surface::of(solid));
