@@ -47,6 +47,37 @@ fn a_drop_oscillates_with_the_period_of_its_surface_tension() {
     assert!(spin.norm() / (x.len() as f64) < 1e-3 * radius * radius / expected, "{spin:?}");
 }
 
+#[test]
+fn drops_of_a_few_particles_stay_together() {
+    let (spacing, fps) = (0.003_f32, 144.0);
+    // Radius in spacings, and support. Without the energy of sparse liquid these balls of 15 and 32 particles reach 10, 1.7 and 3.6.
+    for (radius, support) in [(1.5, 2.0), (2.0, 2.0), (2.0, 2.5)] {
+        let text = format!(
+            "spacing = {spacing}\nkernel_radius = {support}\nsurface_tension = {{ coefficient = 0.072 }}\n\
+             [[source]]\nshape = {{ sphere = {{ center = [0, 0, 1], radius = {} }} }}",
+            radius * spacing
+        );
+        let gravity = Vec3::new(0.0, 0.0, -9.81);
+        let mut simulation = simulation(World { gravity, solids: Vec::new() }, params(&text));
+        let about_mean = |x: &[Vec3]| {
+            let mean = x.iter().sum::<Vec3>() / x.len() as f32;
+            (x.iter().map(|x| (x - mean).norm_squared()).sum::<f32>() / x.len() as f32).sqrt()
+        };
+        let size = about_mean(&channel(&state(&simulation), "position"));
+        let mut largest = 0.0_f32;
+        for _ in 0..60 {
+            simulation.advance(1.0 / fps, &mut Unwatched).expect("it stays finite");
+            largest = largest.max(about_mean(&channel(&state(&simulation), "position")) / size);
+        }
+        println!("{radius}, {support}: {largest:.3}");
+        assert!(largest < 1.35, "{radius}, {support}: {largest} times the size at the start");
+        let v = channel(&state(&simulation), "velocity");
+        let mean = v.iter().sum::<Vec3>() / v.len() as f32;
+        let expected = gravity * (60.0 / fps) as f32;
+        assert!((mean - expected).norm() < 2e-3, "{mean:?}, expected {expected:?}");
+    }
+}
+
 /// Contact angle of a spherical cap of `volume` [m³] on the plane z = 0, by the height of its mass centre [m].
 fn contact_angle(volume: f64, height: f64) -> f64 {
     // [h (4r − h) / (4 (3r − h))] is the height of the mass centre of a cap of height h of a sphere of radius r.

@@ -54,6 +54,7 @@ mod rigid_system;
 mod seed;
 mod setup;
 mod solve;
+mod sparse;
 mod state;
 mod surface_tension;
 mod target;
