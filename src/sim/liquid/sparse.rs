@@ -9,7 +9,7 @@
 
 use super::{Kernel, calibration::RestState};
 
-/// κ. At 0 drops of 7 to 32 particles scatter; at 4 they swell as much as at 2, and shake more.
+/// κ. At 0 drops of 7 to 32 particles scatter; 4 keeps them no better together than 2 (docs/decisions/019).
 const SPARSE_ENERGY: f64 = 2.0;
 
 /// Energy and force of what particles lack of the colour function of an edge.
