@@ -1,6 +1,7 @@
 //! The command line's types: every verb, flag and its help.
 
 use super::{
+    examples,
     product_args::{CollidersArgs, ExportArgs, MeshArgs, Tier, VolumeArgs, WhitewaterArgs},
     values::{fraction, frames, size, spacing, time},
 };
@@ -12,7 +13,7 @@ use crate::{
     scene::Frames,
 };
 use clap::{
-    Args, Parser, Subcommand, ValueEnum,
+    Arg, Args, Command, CommandFactory, Parser, Subcommand, ValueEnum,
     builder::{PossibleValue, PossibleValuesParser},
 };
 use std::path::PathBuf;
@@ -27,7 +28,8 @@ use std::path::PathBuf;
     version,
     propagate_version = true,
     max_term_width = 100,
-    after_help = "First shot:   meniscus shot dam-break --quality draft\nEvery preset: meniscus presets\n\n\
+    after_help = "First shot:   meniscus shot dam-break --quality draft\nEvery preset: meniscus presets\nThis machine: meniscus doctor",
+    after_long_help = "First shot:   meniscus shot dam-break --quality draft\nEvery preset: meniscus presets\nThis machine: meniscus doctor\n\n\
         Exit codes: 0 done · 1 failed · 2 usage or preset · 3 some frames failed · 10 no such cache · 11 locked by \
         another process · 12 corrupt · 13 other version · 14 of other settings or another shot · 20 diverged · 28 disk full · 33 over the memory \
         budget · 130 interrupted (finished frames are kept)"
@@ -37,17 +39,35 @@ pub(super) struct Cli {
     pub(super) verb: Verb,
 
     /// Threads to compute with, at most 1024; 0 uses every core. Results are the same bytes for any number
-    #[arg(long, global = true, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=1024))]
+    #[arg(long, global = true, env = "MENISCUS_THREADS", hide_env_values = true, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=1024))]
     pub(super) threads: u16,
 
-    // Such files are written in moments: the default is many times what a slow disk takes, and no night.
-    /// Seconds to wait, at most, while another process writes the folder's `shot.json` or list of products
-    #[arg(long, global = true, default_value_t = 120, value_name = "SECONDS", value_parser = clap::value_parser!(u32).range(0..=86400))]
+    /// Seconds to wait, at most, while another process writes the folder's `shot.json` or list of products. They are written in
+    /// moments: the default is many times what a slow disk takes
+    #[arg(long, global = true, default_value_t = 120, value_name = "SECONDS", hide_short_help = true, value_parser = clap::value_parser!(u32).range(0..=86400))]
     pub(super) wait: u32,
 
     /// How progress is shown on stderr: a bar on terminals, plain lines elsewhere
     #[arg(long, global = true, default_value = "auto", value_name = "HOW")]
     pub(super) progress: ProgressStyle,
+}
+
+/// The command line: `-h` has the first sentence about every flag, `--help` all of them.
+pub(super) fn command() -> Command {
+    Cli::command()
+        .mut_args(shortened)
+        .mut_subcommands(|verb| verb.mut_args(shortened).mut_subcommands(|verb| verb.mut_args(shortened)))
+}
+
+fn shortened(argument: Arg) -> Arg {
+    let help = argument.get_help().map(ToString::to_string).unwrap_or_default();
+    match help.split_once(". ") {
+        Some((first, _)) if argument.get_long_help().is_none() => {
+            let first = first.to_owned();
+            argument.help(first).long_help(help)
+        }
+        _ => argument,
+    }
 }
 
 /// How progress is shown.
@@ -71,22 +91,29 @@ pub(super) enum ProgressStyle {
 #[derive(Debug, Subcommand)]
 pub(super) enum Verb {
     /// Simulate a shot, then write every output its preset names
+    #[command(after_help = examples::SHOT)]
     Shot(ShotArgs),
     /// Simulate a shot into its cache; the same command again continues
+    #[command(after_help = examples::SIMULATE)]
     Simulate(ShotArgs),
     /// Estimate what a shot will need: particles, passes, memory, disk, time
+    #[command(after_help = examples::PLAN)]
     Plan(PlanArgs),
     /// Measure on your own shot what accuracy costs, and name the setting to use
     Tradeoff(TradeoffArgs),
     /// Turn a cache, particle files of any solver, or level sets into surface meshes
+    #[command(after_help = examples::MESH)]
     Mesh(MeshArgs),
     /// Turn a cache, or particle files of any solver, into OpenVDB volumes: fog, level set, velocity
+    #[command(after_help = examples::VOLUME)]
     Volume(VolumeArgs),
     /// Write the sheets of a cache as meshes with a point cache, or the tracers of smoke as PLY points
+    #[command(after_help = examples::EXPORT)]
     Export(ExportArgs),
     /// Write the colliders of a shot as meshes with their motion; `shot` does so too
     Colliders(CollidersArgs),
     /// Compute spray, foam and bubbles of a cached liquid, as PLY points; `shot` does so too where the preset has `[whitewater]`
+    #[command(after_help = examples::WHITEWATER)]
     Whitewater(WhitewaterArgs),
     /// Make a variant of a shot for every combination of settings, and a contact sheet of them
     Wedge(WedgeArgs),
@@ -95,9 +122,16 @@ pub(super) enum Verb {
     /// List what is in a shot folder
     Info(InfoArgs),
     /// Read every frame and output whole and report which are valid, missing, corrupt, stale or foreign
+    #[command(after_help = examples::VERIFY)]
     Verify(InfoArgs),
     /// List, show or copy the built-in presets
     Presets(PresetsArgs),
+    /// Report what this machine has, and what of it will slow down or stop a job
+    Doctor(DoctorArgs),
+    /// Print the completions of a shell
+    Completions(CompletionsArgs),
+    /// Print the man page, or write those of all verbs
+    Man(ManArgs),
 }
 
 /// Arguments of `shot` and `simulate`.
@@ -179,15 +213,7 @@ pub(super) struct PlanArgs {
         whose first second is then simulated once.\n\n\
         Every run is kept in the output folder: the same command goes on where it stopped, and a further --vary only \
         runs what is new. docs/tradeoff.md explains the columns.",
-    after_help = "Examples:\n  \
-        meniscus tradeoff dam-break                               sensible settings, one second\n  \
-        meniscus tradeoff shot.toml --vary liquid.cfl=0.2,0.4,0.8 --vary liquid.density_dev=0.3%,1%,3%\n  \
-        meniscus tradeoff shot.toml --time 2h --write tonight.toml    the most exact that is done in two hours\n  \
-        meniscus tradeoff shot.toml --dev 0.5%                    the fastest that is exact to 0.5 %\n  \
-        meniscus tradeoff smoke-ring --quality draft              smoke: error, method, steps, cores, voxel\n  \
-        meniscus tradeoff sheet-corners                           sheets: integrator, steps, tolerance, cells\n  \
-        meniscus tradeoff my-shot --of surface --vary surface.voxel=0.25,0.5,1 --vary 'surface.smoothing=none,{}'\n  \
-        meniscus tradeoff 'frame_####.bgeo' --of surface --spacing 0.05 --frames 40,80"
+    after_help = examples::TRADEOFF
 )]
 pub(super) struct TradeoffArgs {
     /// A preset file, or the name of a built-in preset (see `meniscus presets`); of surfaces also a shot folder, or particle
@@ -297,10 +323,7 @@ fn criteria() -> Vec<PossibleValue> {
         Every wedge is a shot folder of its own below the output folder. The contact sheet shows all at the same frames from the \
         same place; wedges.csv and wedges.html list their values, times and figures. The same command again continues, and more \
         values only run what is new. With a folder instead of a preset, it compares the wedges that are there, as after a farm's job.",
-    after_help = "Examples:\n  \
-        meniscus wedge dam-break --quality draft --set liquid.vorticity.strength=0,0.1,0.3\n  \
-        meniscus wedge shot.toml --set liquid.spacing=0.02,0.03 --set liquid.viscosity.dynamic=0.1,10 --at 24,48,96\n  \
-        meniscus wedge shot.toml --set fps=24,25 --prepare && meniscus farm slurm shot-wedges"
+    after_help = examples::WEDGE
 )]
 pub(super) struct WedgeArgs {
     /// A preset file, or the name of a built-in preset; or the folder of wedges that are there
@@ -349,10 +372,7 @@ pub(super) struct WedgeArgs {
         The job simulates, makes in chunks of frames what the preset's [output] requests, then verifies every file. A task that \
         is run again keeps what is valid, and the result has the bytes of a local run. docs/farm.md explains how to choose \
         chunks and memory.",
-    after_help = "Examples:\n  \
-        meniscus farm slurm shots/dam --preset dam-break --quality preview --threads 8\n  \
-        meniscus farm openjd shots/dam --chunk 24 --max-memory 8GiB\n  \
-        meniscus farm flamenco wedges/dam"
+    after_help = examples::FARM
 )]
 pub(super) struct FarmArgs {
     /// The engine that runs the job
@@ -440,13 +460,60 @@ pub(super) enum PresetsVerb {
     },
 }
 
+/// Arguments of `doctor`.
+#[derive(Debug, Args)]
+#[command(
+    after_long_help = "Writes 64 MiB into a hidden folder below DIR and removes it. Exit code 1 if no shot can be made there."
+)]
+pub(super) struct DoctorArgs {
+    /// The folder in which shots are to be made
+    #[arg(default_value = ".", value_name = "DIR")]
+    pub(super) folder: PathBuf,
+
+    /// Print JSON
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+/// Arguments of `completions`.
+#[derive(Debug, Args)]
+#[command(after_help = examples::COMPLETIONS)]
+pub(super) struct CompletionsArgs {
+    /// The shell
+    #[arg(value_name = "SHELL")]
+    pub(super) shell: clap_complete::Shell,
+}
+
+/// Arguments of `man`.
+#[derive(Debug, Args)]
+#[command(after_help = examples::MAN)]
+pub(super) struct ManArgs {
+    /// Write the page of every verb into this folder, replacing older ones
+    #[arg(short, long, value_name = "DIR")]
+    pub(super) output: Option<PathBuf>,
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory;
 
     #[test]
     fn the_command_line_is_consistent() {
-        Cli::command().debug_assert();
+        command().debug_assert();
+    }
+
+    #[test]
+    fn the_short_help_is_short_and_the_long_one_whole() {
+        let mut command = command();
+        let mesh = command.find_subcommand_mut("mesh").unwrap();
+        let (short, long) = (mesh.render_help().to_string(), mesh.render_long_help().to_string());
+        assert!(short.contains("The frames to use") && !short.contains("By default all that are present"));
+        assert!(long.contains("By default all that are present"), "{long}");
+        for verb in command.get_subcommands() {
+            for argument in verb.get_arguments() {
+                let help = argument.get_help().unwrap_or_else(|| panic!("{} has no help", argument.get_id()));
+                assert!(!help.to_string().contains(". "), "{}: {help}", argument.get_id());
+            }
+        }
     }
 }

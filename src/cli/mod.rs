@@ -4,6 +4,8 @@ mod allocator;
 mod args;
 mod bounds;
 mod colliders;
+mod doctor;
+mod examples;
 mod exit;
 mod export;
 mod farm;
@@ -16,6 +18,7 @@ mod presets;
 mod product;
 mod product_args;
 mod progress;
+mod reference;
 mod shot;
 mod shot_inputs;
 mod tradeoff;
@@ -33,14 +36,15 @@ use crate::{
 };
 pub use allocator::Allocator;
 use args::{Cli, Verb};
-use clap::Parser;
+use clap::FromArgMatches;
 use std::{process::ExitCode, time::Duration};
 
 /// Runs the command line and returns the exit code.
 pub fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
+    let parsed = args::command().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches));
+    let cli = match parsed {
         Ok(cli) => cli,
-        Err(why) => return output::report_usage(&why),
+        Err(why) => return output::report_usage(&why.format(&mut args::command())),
     };
     let cancel = interrupt::listen();
     let reporter = progress::reporter(cli.progress);
@@ -62,6 +66,9 @@ pub fn main() -> ExitCode {
         Verb::Info(args) => info::info(args),
         Verb::Verify(args) => info::verify(args),
         Verb::Presets(args) => presets::presets(args),
+        Verb::Doctor(args) => doctor::doctor(args),
+        Verb::Completions(args) => reference::completions(args),
+        Verb::Man(args) => reference::man(args),
     });
     let outcome = outcome.unwrap_or_else(|why| {
         let threads = if cli.threads == 0 { "a thread for every core".into() } else { format!("{} threads", cli.threads) };

@@ -144,8 +144,13 @@ static UNPRINTED: OnceLock<io::Error> = OnceLock::new();
 /// Prints a result. A full disk behind standard output does not end a job, which may be of a whole night: it fails at its end
 /// ([`unprinted`]). A reader that went away (`meniscus info … | head`) is no failure.
 pub(super) fn print(text: &str) {
+    print_verbatim(format!("{}\n", escaped(text.trim_end(), false)).as_bytes());
+}
+
+/// As [`print`], for what other programs read, into which nothing of a file has been put.
+pub(super) fn print_verbatim(bytes: &[u8]) {
     use std::io::Write;
-    if let Err(why) = writeln!(io::stdout(), "{}", escaped(text.trim_end(), false))
+    if let Err(why) = io::stdout().write_all(bytes)
         && why.kind() != io::ErrorKind::BrokenPipe
     {
         let _ = UNPRINTED.set(why);

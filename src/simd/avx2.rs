@@ -13,12 +13,18 @@ use std::{
 /// Runs a pass with AVX2; returns it where the processor has no AVX2.
 #[inline]
 pub(super) fn run<P: Pass>(pass: P) -> Result<P::Out, P> {
-    if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("popcnt") {
+    if is_supported() {
         // SAFETY: both features were detected.
         Ok(unsafe { with_avx2(pass) })
     } else {
         Err(pass)
     }
+}
+
+/// Whether the processor has what [`with_avx2`] needs.
+#[inline]
+pub(super) fn is_supported() -> bool {
+    is_x86_feature_detected!("avx2") && is_x86_feature_detected!("popcnt")
 }
 
 #[target_feature(enable = "avx2,popcnt")]

@@ -19,3 +19,15 @@ pub fn dispatch<P: Pass>(pass: P) -> P::Out {
     };
     pass.run::<ScalarLanes>()
 }
+
+/// The name of the scalar form.
+pub(crate) const SCALAR: &str = "scalar";
+
+/// The instructions with which [`dispatch`] runs a pass here.
+pub(crate) fn instructions() -> &'static str {
+    #[cfg(target_arch = "x86_64")]
+    if avx2::is_supported() {
+        return "AVX2";
+    }
+    SCALAR
+}

@@ -19,6 +19,7 @@ mod scalar;
 mod width;
 
 pub use dispatch::dispatch;
+pub(crate) use dispatch::{SCALAR, instructions};
 pub(crate) use index_row::IndexRow;
 pub(crate) use indices::{IndexList, IndexRows};
 pub use lanes::{Lanes, Pass, splat, sum};

@@ -13,6 +13,7 @@ mod farm;
 mod forces;
 mod inflow;
 mod interrupt;
+mod manners;
 mod meshing;
 mod plan;
 mod resume;
