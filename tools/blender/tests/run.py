@@ -7,7 +7,8 @@ The interpreter needs bpy (4.5 to 5.2) and numpy. The zip is built, and every st
 process of its own with user folders made for the test; the shot is copied first, the given folder is not
 touched. The last line is `N passed, N failed`; the exit code is 1 if anything failed. Without SHOT_DIR a
 synthetic shot stands in for it; without VOLUMES_DIR, a folder of `meniscus volume`, no volume is opened; without SMOKE_DIR, a shot of `smoke-ring`,
-no smoke is imported; without PLUME_DIR, a shot of `plume`, none whose first frame is empty.
+no smoke is imported; without PLUME_DIR, a shot of `plume`, none whose first frame is empty. Scenes become shots with the engine that
+MENISCUS in the environment names, else the `meniscus` on the PATH; without either, that is left out.
 """
 
 import argparse
@@ -23,6 +24,7 @@ HERE = Path(__file__).resolve().parent
 TOOL = HERE.parent
 # A stage takes a minute at most; one that waits for a pipe never ends.
 HANG_SECONDS = 900
+SCENES = ("tap",)
 sys.path[:0] = [str(HERE), str(TOOL)]
 
 import build  # noqa: E402
@@ -86,6 +88,17 @@ def check_build(tally: Tally, work: Path) -> Path:
     return first
 
 
+def check_scenes(tally: Tally, work: Path, user: Path) -> None:
+    """Scenes that become shots, with the engine."""
+    program = os.environ.get("MENISCUS") or shutil.which("meniscus")
+    if not program:
+        print("LEFT OUT: scenes, since MENISCUS names no engine and none is on the PATH", flush=True)
+        return
+    os.environ["MENISCUS"] = os.path.abspath(program)
+    for name in SCENES:
+        tally.stage(name, [work / name], user, "scenes.py")
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("shot", type=Path, nargs="?", help="shot folder with PLY meshes, a few frames")
@@ -122,6 +135,7 @@ def main() -> int:
         for name in ("colliders", "deforming", "startup", "floors", "studio", "motions"):
             tally.stage(name, [work / name], user, "solids.py")
         tally.stage("hostile", [work / "hostile"], user, "hostile.py")
+        check_scenes(tally, work, user)
         if given.volumes:
             shutil.copytree(given.volumes, work / "volumes")
             tally.stage("volume", [work / "volumes"], bare)

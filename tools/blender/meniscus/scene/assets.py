@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Files of a generated preset: meshes as PLY, point caches as PC2, the preset itself. No Blender in here.
+
+Everything is written under a temporary name and renamed, inside the chosen folder. Files of an earlier preset that no object
+needs any more are removed: those that this extension listed when it wrote them.
+"""
+
+import json
+import os
+import re
+import struct
+from pathlib import Path
+
+import numpy as np
+
+from ..folder import read_limited
+from ..messages import ShotError, printable
+
+ASSETS = "assets"
+LIST = "files.json"
+PRESET = "scene.toml"
+MARK = "# Written by Meniscus for Blender."
+OWN_FILE = re.compile(r"[A-Za-z0-9_-]{1,63}\.(?:ply|pc2)")
+MAX_LIST_BYTES = 1 << 20
+PC2_VERSION = 1
+
+
+def ply(vertices: np.ndarray, faces: list[tuple[int, ...]]) -> bytes:
+    """A mesh as binary PLY: places as single precision, faces as lists of vertex numbers."""
+    head = (
+        "ply\nformat binary_little_endian 1.0\n"
+        f"element vertex {len(vertices)}\nproperty float x\nproperty float y\nproperty float z\n"
+        f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    if all(len(face) == 3 for face in faces):
+        rows = np.empty(len(faces), np.dtype([("count", "u1"), ("corners", "<i4", 3)]))
+        rows["count"], rows["corners"] = 3, np.array(faces, np.int32).reshape(-1, 3)
+        body = rows.tobytes()
+    else:
+        body = b"".join(struct.pack(f"<B{len(face)}i", len(face), *face) for face in faces)
+    return head.encode("ascii") + np.ascontiguousarray(vertices, "<f4").tobytes() + body
+
+
+def pc2(samples: list[np.ndarray], first: float, step: float) -> bytes:
+    """Places of the same vertices over time as a PC2 point cache, a sample every `step` frames from `first` on."""
+    head = struct.pack("<12siiffi", b"POINTCACHE2\0", PC2_VERSION, len(samples[0]), first, step, len(samples))
+    return head + b"".join(np.ascontiguousarray(places, "<f4").tobytes() for places in samples)
+
+
+class Folder:
+    """The folder that a user chose for the preset. Raises ShotError where it cannot be written."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.assets = root / ASSETS
+        self.written: set[str] = set()
+        try:
+            self.assets.mkdir(parents=True, exist_ok=True)
+            inside = os.path.realpath(self.assets) == os.path.join(os.path.realpath(root), ASSETS)
+        except (OSError, ValueError) as error:
+            raise cannot_write(root, error) from None
+        if not inside:
+            raise ShotError(f"{printable(self.assets)}: leads out of the folder through a symbolic link. Remove it")
+
+    def add(self, file: str, content: bytes) -> str:
+        """Writes a file among the assets unless it has this content; returns its path in the preset."""
+        if not OWN_FILE.fullmatch(file):
+            raise ShotError(f"{printable(file)}: not a name of a file that this extension writes")
+        write(self.assets / file, content)
+        self.written.add(file)
+        return f"{ASSETS}/{file}"
+
+    def check_preset(self) -> None:
+        """Raises ShotError if another program wrote the preset that would be replaced."""
+        path = self.root / PRESET
+        if not os.path.lexists(path):
+            return
+        with_text = read_limited(path, 64 << 20, "Choose another folder").decode("utf-8", "replace")
+        if not with_text.startswith(MARK):
+            text = f"not written by this extension: its first line lacks `{MARK}`. Rename the file, or choose another folder"
+            raise ShotError(f"{printable(path)}: {text}")
+
+    def finish(self, preset: str) -> tuple[Path, list[str]]:
+        """Writes the preset and removes files of objects that are gone; the preset's path, and the names of removed files."""
+        self.check_preset()
+        earlier = self.listed()
+        # Both lists, until the preset no longer names the earlier files.
+        self.write_list(earlier | self.written)
+        write(self.root / PRESET, preset.encode("utf-8"))
+        removed = [name for name in sorted(earlier - self.written) if self.remove(name)]
+        self.write_list(self.written)
+        return self.root / PRESET, removed
+
+    def listed(self) -> set[str]:
+        """Names of the files that this extension wrote earlier and listed."""
+        path = self.assets / LIST
+        if not path.is_file():
+            return set()
+        try:
+            names = json.loads(read_limited(path, MAX_LIST_BYTES, "Remove it"))
+        except (ValueError, RecursionError):
+            names = None
+        if not isinstance(names, list):
+            raise ShotError(f"{printable(path)}: not a list of names. Remove it; files of earlier objects then stay")
+        return {name for name in names if isinstance(name, str) and OWN_FILE.fullmatch(name)}
+
+    def write_list(self, names: set[str]) -> None:
+        write(self.assets / LIST, (json.dumps(sorted(names), indent=0) + "\n").encode("ascii"))
+
+    def remove(self, name: str) -> bool:
+        path = self.assets / name
+        try:
+            path.unlink()
+        except FileNotFoundError:
+            return False
+        except OSError as error:
+            raise cannot_write(path, error) from None
+        return True
+
+
+def write(path: Path, content: bytes) -> None:
+    """Replaces a file by one that is complete if it exists. Raises ShotError."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        if path.is_file() and not path.is_symlink() and path.stat().st_size == len(content) and path.read_bytes() == content:
+            return
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0) | getattr(os, "O_NOFOLLOW", 0)
+        temporary.unlink(missing_ok=True)
+        with os.fdopen(os.open(temporary, flags, 0o666), "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    except OSError as error:
+        try:
+            temporary.unlink(missing_ok=True)
+        except OSError:
+            pass
+        raise cannot_write(path, error) from None
+
+
+def cannot_write(path: Path, error: Exception) -> ShotError:
+    reason = printable(getattr(error, "strerror", None) or error, 200)
+    return ShotError(f"{printable(path)}: cannot be written ({reason}). Check the folder, its permissions and the disk")

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Panels: an object's role in Properties > Physics, the shot in Properties > Scene and in the sidebar of the 3D view."""
+
+import bpy
+
+from . import operators, roles, schema, session, settings
+
+SHOWN_MESSAGES = 4
+
+
+class MENISCUS_PT_object(bpy.types.Panel):
+    bl_label = "Meniscus"
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "physics"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return context.object is not None and context.object.type in ("MESH", "CURVE", "SURFACE", "FONT", "META", "EMPTY")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, role = self.layout, context.object.meniscus
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(role, "role")
+        if role.role == "NONE":
+            return
+        if len(roles.SHAPES[role.role]) > 1:
+            layout.prop(role, "shape")
+        if role.shape == "MESH" and role.role != "CLOTH":
+            layout.prop(role, "resolution")
+        animated = layout.column()
+        animated.use_property_decorate = True
+        if role.role in ("INFLOW", "OUTFLOW", "SMOKE", "FORCE"):
+            animated.prop(role, "is_on")
+        if role.role == "FORCE":
+            animated.prop(role, "factor")
+            layout.prop(role, "kind")
+            kind = next(choice for choice in schema.choices("ForceKind") if choice.name == role.kind)
+            settings.draw(layout, getattr(role, f"kind_{role.kind}"), role.kind, kind.keys)
+        if role.role == "CLOTH":
+            self.draw_cloth(context, layout, role)
+        if role.role in roles.DEFINITIONS:
+            definition, attribute = roles.DEFINITIONS[role.role]
+            settings.draw(layout, getattr(role, attribute), definition)
+
+    def draw_cloth(self, context: bpy.types.Context, layout: bpy.types.UILayout, role) -> None:
+        layout.prop_search(role, "pins", context.object, "vertex_groups")
+        if role.pins:
+            layout.prop(role, "pin_stiffness")
+        layout.prop(role, "use_liquid")
+        if role.use_liquid:
+            layout.prop(role, "liquid_friction")
+        layout.prop(role, "use_air")
+        if role.use_air:
+            settings.draw(layout, role.drag, "Drag")
+
+
+class ShotPanel:
+    """Folder, quality, buttons and progress."""
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, scene = self.layout, context.scene
+        shot, job = scene.meniscus, session.job_of(scene)
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        column = layout.column()
+        column.enabled = job is None or not job.is_running
+        column.prop(shot, "folder")
+        column.row().prop(shot, "quality", expand=True)
+        is_running = job is not None and job.is_running
+        row = layout.row(align=True)
+        row.operator("meniscus.plan", icon="INFO")
+        if is_running:
+            row.operator("meniscus.pause", icon="PAUSE")
+        else:
+            row.operator("meniscus.simulate", icon="PLAY")
+            if job is not None and job.action in session.RUNS and job.code != 0:
+                row.operator("meniscus.resume", icon="FRAME_NEXT")
+        if job is not None:
+            self.draw_job(layout, job)
+        for line in session.plan_of(scene):
+            layout.label(text=line)
+        row = layout.row(align=True)
+        row.operator("meniscus.mesh", icon="MESH_ICOSPHERE")
+        row.operator("meniscus.whitewater", icon="OUTLINER_OB_POINTCLOUD")
+        row = layout.row(align=True)
+        row.operator("meniscus.start_over", icon="FILE_REFRESH")
+        row.operator("meniscus.show", icon="HIDE_OFF")
+        row.operator("meniscus.write", icon="FILE_TICK")
+
+    def draw_job(self, layout: bpy.types.UILayout, job) -> None:
+        if job.is_running:
+            layout.progress(factor=job.percent() / 100.0, type="BAR", text=session.status(job))
+        else:
+            layout.label(text=session.status(job), icon="ERROR" if job.error else "CHECKMARK" if job.code == 0 else "PAUSE")
+        column = layout.column(align=True)
+        for text in ([job.error] if job.error else []) + list(job.messages)[-SHOWN_MESSAGES:]:
+            column.label(text=text)
+
+
+class MENISCUS_PT_scene(ShotPanel, bpy.types.Panel):
+    bl_label = "Meniscus"
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "scene"
+
+
+class MENISCUS_PT_sidebar(ShotPanel, bpy.types.Panel):
+    bl_label = "Meniscus"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Meniscus"
+
+
+class SettingsPanel(bpy.types.Panel):
+    """A part of the scene's settings."""
+
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "scene"
+    bl_parent_id = "MENISCUS_PT_scene"
+    bl_options = {"DEFAULT_CLOSED"}
+    definition, attribute = "", ""
+
+    def draw(self, context: bpy.types.Context) -> None:
+        self.layout.use_property_split = True
+        self.layout.use_property_decorate = False
+        settings.draw(self.layout, getattr(context.scene.meniscus, self.attribute), self.definition)
+
+
+class MENISCUS_PT_quality(SettingsPanel):
+    bl_label = "Shot"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, shot = self.layout, context.scene.meniscus
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        for name in ("title", "draft", "preview", "threads"):
+            layout.prop(shot, name)
+
+
+class MENISCUS_PT_whitewater(SettingsPanel):
+    bl_label = "Whitewater"
+    definition, attribute = "WhitewaterParams", "whitewater"
+
+    def draw_header(self, context: bpy.types.Context) -> None:
+        self.layout.prop(context.scene.meniscus, "use_whitewater", text="")
+
+
+def settings_panel(label: str, definition: str, attribute: str) -> type:
+    return type(f"MENISCUS_PT_{attribute}", (SettingsPanel,), {"bl_label": label, "definition": definition, "attribute": attribute})
+
+
+PARTS = [("Liquid", "LiquidParams", "liquid"), ("Surface", "SurfaceParams", "surface"), ("Smoke", "SmokeParams", "smoke")]
+PARTS += [("Cloth", "SheetsCommon", "sheets"), ("Volumes", "VolumeParams", "volume")]
+CLASSES = [
+    *operators.CLASSES,
+    MENISCUS_PT_object,
+    MENISCUS_PT_scene,
+    MENISCUS_PT_sidebar,
+    MENISCUS_PT_quality,
+    *(settings_panel(*part) for part in PARTS),
+    MENISCUS_PT_whitewater,
+]

@@ -1,0 +1,369 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Writes the preset of a scene: roles, settings, camera, frames and gravity as TOML, meshes as files next to it."""
+
+from dataclasses import dataclass
+from math import hypot
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..messages import ShotError, printable
+from . import assets, poses, sample, schema, settings, toml
+from .names import Names
+from .sample import Sampled
+from .shapes import Placed, Shaper
+from .toml import Document, Table
+
+EARTH = 9.81
+TIERS = ("draft", "preview")
+# Smoke's own volumes need no finer grid, and no terms of a liquid's surface.
+SMOKE_SURFACE = {"voxel": 1.0, "kernel_radius": 3.0}
+
+
+@dataclass
+class Written:
+    """A preset that was written, what it leaves out, and files of earlier objects that were removed."""
+
+    path: Path
+    notes: list[str]
+    removed: list[str]
+    has_surface: bool
+
+
+def folder_of(scene: bpy.types.Scene) -> Path:
+    """The folder that the scene names, absolute. Raises ShotError."""
+    text = scene.meniscus.folder
+    if not text.strip():
+        raise ShotError("No folder is chosen. Set Folder in Properties > Scene > Meniscus")
+    if text.startswith("//") and not bpy.data.filepath:
+        raise ShotError("The .blend is not saved, so no folder can be relative to it. Save it first, or choose an absolute folder")
+    path = Path(bpy.path.abspath(text))
+    if not path.is_absolute():
+        raise ShotError(f"{printable(text)}: not an absolute folder. Start it with //, for one next to the .blend")
+    return path
+
+
+def write(context: bpy.types.Context) -> Written:
+    """Writes preset and assets of the scene into its folder. Raises ShotError."""
+    notes: list[str] = []
+    frames = sample.frame_numbers(context.scene)
+    sources = sample.takes_part(context, notes)
+    folder = assets.Folder(folder_of(context.scene))
+    folder.check_preset()
+    scale = context.scene.unit_settings.scale_length
+    camera = context.scene.camera
+    found = sample.sample(context, sources + ([camera] if camera else []), frames, scale)
+    seen = found.pop() if camera else None
+    writer = Writer(context.scene, found, seen, scale, folder, notes)
+    path, removed = folder.finish(writer.text())
+    return Written(path, notes, removed, writer.has_liquid)
+
+
+class Writer:
+    """Composes the text of one preset."""
+
+    def __init__(
+        self, scene: bpy.types.Scene, found: list[Sampled], seen: Sampled | None, scale: float, folder: assets.Folder, notes: list[str]
+    ) -> None:
+        self.scene, self.shot, self.seen = scene, scene.meniscus, seen
+        self.frames, self.scale, self.notes = sample.frame_numbers(scene), scale, notes
+        self.shaper = Shaper(folder, notes)
+        self.folder = folder
+        self.document = Document()
+        self.roles: dict[str, list[Sampled]] = {}
+        names = Names()
+        for each in found:
+            self.roles.setdefault(each.role.role, []).append(each)
+            each.role.asset = names.unique(each.source.name)
+            each.role.start = each.matrices[0].ravel().tolist()
+        self.has_liquid = bool(self.roles.get("FLUID") or self.roles.get("INFLOW"))
+        self.has_smoke, self.has_cloth, self.has_bodies = ("SMOKE" in self.roles, "CLOTH" in self.roles, "BODY" in self.roles)
+
+    def text(self) -> str:
+        if not (self.has_liquid or self.has_smoke or self.has_cloth or self.has_bodies):
+            raise ShotError("The scene has nothing to simulate. Add a pool, an inflow, smoke, cloth or a body: Add > Meniscus")
+        self.head()
+        self.world()
+        self.liquid()
+        self.smoke()
+        self.cloth()
+        self.bodies()
+        self.forces()
+        self.surface()
+        self.camera()
+        self.output()
+        self.tiers()
+        return self.document.text()
+
+    def of(self, role: str) -> list[Sampled]:
+        return self.roles.get(role, [])
+
+    def values(self, each: Sampled, attribute: str, definition: str) -> Table:
+        return settings.values(getattr(each.role, attribute), definition, self.scale)
+
+    def head(self) -> None:
+        document, scene = self.document, self.scene
+        document.lines.append(f"{assets.MARK} It replaces the file; copy it to change it.")
+        document.comment("")
+        document.comment(f"meniscus shot {assets.PRESET} --quality draft")
+        document.blank()
+        first, last, step = self.frames[0], self.frames[-1], scene.frame_step
+        span = f"{first}-{last}" if last > first else f"{first}"
+        rate = scene.render.fps / scene.render.fps_base
+        title = self.shot.title.strip() or scene.name
+        document.pairs({"title": title, "frames": span + (f"x{step}" if step > 1 and last > first else ""), "fps": float(rate)})
+        if scene.render.frame_map_old != scene.render.frame_map_new:
+            self.notes.append("The scene's time stretching is left out: the shot runs at the frame rate")
+
+    def world(self) -> None:
+        scene = self.scene
+        gravity = [float(part) * self.scale if scene.use_gravity else 0.0 for part in scene.gravity]
+        size = hypot(*gravity)
+        if scene.use_gravity and abs(size - EARTH) > 0.01 * EARTH and self.scale != 1.0:
+            text = f"gravity is {size:.4g} m/s², as the unit scale {self.scale:g} applies to it. On Earth it is {EARTH}"
+            self.notes.append(f"{printable(scene.name)}: {text}")
+        self.document.table("world", {"gravity": gravity})
+        for each in self.of("COLLIDER"):
+            placed = self.shaper.place(each, each.role.asset)
+            found = self.values(each, "collider", "Collider")
+            surface_tension = self.shot.liquid.use_surface_tension
+            for key, has in (("friction", self.has_liquid), ("restitution", self.has_liquid), ("contact_angle", self.has_liquid and surface_tension)):
+                if key in found and not has:
+                    del found[key]
+                    lacking = "no liquid" if not self.has_liquid else "no surface tension"
+                    self.shaper.note(each, f"its {key.replace('_', ' ')} is left out, since the scene has {lacking}")
+            if not all(each.is_on):
+                self.shaper.note(each, "a collider is always on; its keyframes of On are left out")
+            self.entry("world.collider", each, placed, found)
+
+    def entry(self, path: str, each: Sampled, placed: Placed, found: dict[str, object]) -> None:
+        """One entry of a list of tables, with the object's name as its comment."""
+        values = {"shape": placed.shape} | found
+        if placed.keyframes:
+            values["keyframes"] = placed.keyframes
+        self.document.table(path, values, note=each.source.name, repeated=True)
+
+    def liquid(self) -> None:
+        if not self.has_liquid:
+            for each in self.of("OUTFLOW"):
+                self.shaper.note(each, "is left out, since the scene has no liquid")
+            return
+        self.document.table("liquid", settings.values(self.shot.liquid, "LiquidParams", self.scale))
+        for each in self.of("FLUID"):
+            placed = self.shaper.place(each, each.role.asset)
+            self.entry("liquid.source", each, placed, self.values(each, "source", "LiquidSource"))
+        for each in self.of("INFLOW"):
+            self.inflow(each)
+        for each in self.of("OUTFLOW"):
+            ranges = self.ranges(each)
+            if ranges is not None:
+                placed = self.shaper.place(each, each.role.asset)
+                self.entry("liquid.outflow", each, placed, {"on": ranges} if ranges else {})
+
+    def inflow(self, each: Sampled) -> None:
+        ranges = self.ranges(each)
+        if ranges is None:
+            return
+        placed = self.shaper.place(each, each.role.asset)
+        found = dict(self.values(each, "emitter", "LiquidEmitter"))
+        for key in ("velocity", "direction"):
+            if key in found:
+                found[key] = clean_vector(placed.axes @ np.array(found[key]))
+        if "rate" in found and "disc" not in placed.shape and "direction" not in found:
+            found["direction"] = clean_vector(placed.axes[:, 2])
+        if "rate" in found and len(set(each.rates)) > 1:
+            rates = [rate / 1000.0 for rate in each.rates]
+            del found["rate"]
+            found["rate_keyframes"] = [{"frame": self.frames[i], "rate": rates[i]} for i in poses.kept_values(self.frames, rates)]
+        if ranges:
+            found["on"] = ranges
+        self.entry("liquid.emitter", each, placed, found)
+
+    def ranges(self, each: Sampled) -> list[dict[str, int]] | None:
+        """Frames in which an object acts; empty if always, None if never, which is reported."""
+        if all(each.is_on):
+            return []
+        if not any(each.is_on):
+            self.shaper.note(each, "is left out, since it is never on")
+            return None
+        found, count = [], len(self.frames)
+        starts = [i for i in range(count) if each.is_on[i] and (i == 0 or not each.is_on[i - 1])]
+        for start in starts:
+            end = next((i for i in range(start, count) if not each.is_on[i]), None)
+            span = {"start": self.frames[start]} if start > 0 else {}
+            found.append(span | ({"end": self.frames[end]} if end is not None else {}))
+        return found
+
+    def smoke(self) -> None:
+        if not self.has_smoke:
+            return
+        self.document.table("smoke", settings.values(self.shot.smoke, "SmokeParams", self.scale))
+        for each in self.of("SMOKE"):
+            ranges = self.ranges(each)
+            if ranges is None:
+                continue
+            found = dict(self.values(each, "smoke", "Emitter"))
+            if len(ranges) > 1:
+                raise ShotError(f"{printable(each.source.name)}: is switched on {len(ranges)} times, and smoke can start once. Use several objects")
+            if ranges:
+                found |= ranges[0]
+            self.entry("smoke.emitter", each, self.shaper.place(each, each.role.asset), found)
+
+    def cloth(self) -> None:
+        for each in self.of("CLOTH"):
+            name = each.role.asset
+            matrix = each.matrices[0]
+            if each.geometry is None or not each.geometry.faces:
+                raise ShotError(f"{printable(each.source.name)}: has no faces, expected the mesh of a sheet. Give it a mesh")
+            vertices = each.vertices[0].astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+            file = self.folder.add(f"{name}.ply", assets.ply(vertices, each.geometry.faces))
+            found = self.values(each, "cloth", "SheetParams")
+            values = {"name": name, "shape": {"mesh": {"file": file}}} | found
+            self.document.table("sheet", values, note=each.source.name, repeated=True)
+            self.pins(each)
+        if self.has_cloth:
+            common = settings.values(self.shot.sheets, "SheetsCommon", self.scale)
+            if common:
+                self.document.table("sheets", common)
+        for each in self.of("CLOTH"):
+            role = each.role
+            if self.has_liquid and role.use_liquid:
+                self.couple("liquid", role.asset, {"friction": float(role.liquid_friction)} if role.liquid_friction > 0.0 else {})
+            if self.has_smoke and role.use_air:
+                drag = settings.values(role.drag, "Drag", self.scale)
+                self.couple("smoke", role.asset, {"drag": dict(drag)} if drag else {})
+
+    def pins(self, each: Sampled) -> None:
+        """Held points, which follow the animation of the object."""
+        found = poses.rigid_poses(each.matrices)
+        moves = found is not None and not poses.is_still(found)
+        if found is None or (moves and not each.pins):
+            self.shaper.note(each, "its animation is left out: cloth starts where the object is in the first frame, and only pins move")
+        if not each.pins:
+            return
+        values: dict[str, object] = {"at": {"points": each.pins}}
+        if each.role.pin_stiffness > 0.0:
+            values["stiffness"] = float(each.role.pin_stiffness)
+        if moves:
+            values["keyframes"] = poses.keyframes(self.frames, [poses.Pose(pose.place, pose.quaternion, 1.0) for pose in found])
+        self.document.table("sheet.pin", values, repeated=True)
+
+    def couple(self, system: str, sheet: str, found: dict[str, object]) -> None:
+        self.document.table("coupling", {"between": [system, sheet]} | found, repeated=True)
+
+    def bodies(self) -> None:
+        for each in self.of("BODY"):
+            placed = self.shaper.place(each, each.role.asset)
+            found = self.values(each, "body", "BodyParams")
+            for key in ("liquid_friction", "contact_angle"):
+                if key in found and not (self.has_liquid and (key != "contact_angle" or self.shot.liquid.use_surface_tension)):
+                    del found[key]
+                    self.shaper.note(each, f"its {key.replace('_', ' ')} is left out, since the scene has nothing that it acts on")
+            motion = poses.rigid_poses(each.matrices)
+            if motion is None or not poses.is_still(motion):
+                self.shaper.note(each, "its animation is left out: a body moves by itself from its place in the first frame")
+            found["position"] = each.matrices[0][:3, 3].tolist()
+            self.entry("body", each, placed, found)
+
+    def forces(self) -> None:
+        systems = [name for name, has in (("liquid", self.has_liquid), ("sheets", self.has_cloth)) if has]
+        for each in self.of("FORCE"):
+            if not systems:
+                self.shaper.note(each, "is left out: forces act on liquid and cloth, and the scene has neither")
+                continue
+            kind = next(choice for choice in schema.choices("ForceKind") if choice.name == each.role.kind)
+            table = settings.values(getattr(each.role, f"kind_{kind.name}"), kind.name, self.scale, kind.keys)
+            placed = self.shaper.force(each, each.role.asset)
+            for key, value in (("center", [0.0, 0.0, 0.0]), ("axis", [0.0, 0.0, 1.0])):
+                if any(one.name == key for one in kind.keys):
+                    table = {key: value} | table
+            values: dict[str, object] = {"kind": {kind.name: dict(table)}}
+            if placed.shape:
+                values["shape"] = placed.shape
+            values |= {key: value for key, value in self.values(each, "force", "ForceParams").items() if placed.shape or key != "falloff"}
+            if self.has_bodies:
+                values["systems"] = systems
+            factors = [factor * on for factor, on in zip(each.factors, each.is_on)]
+            if any(factor != 1.0 for factor in factors):
+                kept = poses.kept_values(self.frames, factors) if len(set(factors)) > 1 else [0]
+                values["strength_keyframes"] = [{"frame": self.frames[i], "factor": float(factors[i])} for i in kept]
+            if placed.keyframes:
+                values["keyframes"] = placed.keyframes
+            self.document.table("force", values, note=each.source.name, repeated=True)
+
+    def surface(self) -> None:
+        if self.has_liquid:
+            self.document.table("surface", settings.values(self.shot.surface, "SurfaceParams", self.scale))
+        elif self.has_smoke:
+            self.document.table("surface", SMOKE_SURFACE)
+        if self.shot.use_whitewater and self.has_liquid:
+            self.document.table("whitewater", settings.values(self.shot.whitewater, "WhitewaterParams", self.scale))
+        elif self.shot.use_whitewater:
+            self.notes.append("Whitewater is left out, since the scene has no liquid")
+        volume = settings.values(self.shot.volume, "VolumeParams", self.scale)
+        if self.has_smoke and volume:
+            self.document.table("volume", volume)
+
+    def camera(self) -> None:
+        """The scene's camera in the first frame, for previews; a preset's camera is at rest, upright and in perspective."""
+        camera = self.scene.camera
+        if camera is None:
+            return
+        name = printable(camera.name)
+        if camera.type != "CAMERA" or camera.data.type != "PERSP":
+            self.notes.append(f"{name}: left out of the preset, whose camera is one in perspective. The scene keeps it")
+            return
+        matrices = self.seen.matrices
+        if any(np.abs(matrix - matrices[0]).max() > 1e-6 for matrix in matrices):
+            self.notes.append(f"{name}: moves; the preset has it where it is in the first frame. The scene keeps its animation")
+        matrix = matrices[0]
+        position, right = matrix[:3, 3], matrix[:3, 0]
+        forward = -matrix[:3, 2] / np.linalg.norm(matrix[:3, 2])
+        if abs(right[2]) > 1e-3 * np.linalg.norm(right) or abs(camera.data.shift_x) + abs(camera.data.shift_y) > 0.0:
+            self.notes.append(f"{name}: rolls or is shifted, which the preset's camera cannot. The scene keeps it")
+        data, render = camera.data, self.scene.render
+        wide, high = render.resolution_x * render.pixel_aspect_x, render.resolution_y * render.pixel_aspect_y
+        fits_width = data.sensor_fit == "HORIZONTAL" or (data.sensor_fit == "AUTO" and wide >= high)
+        sensor = data.sensor_height if data.sensor_fit == "VERTICAL" else data.sensor_width
+        width = sensor if fits_width else sensor * wide / high
+        distance = self.distance(position, forward)
+        values = {
+            "position": position.tolist(),
+            "target": (position + forward * distance).tolist(),
+            "focal_length": float(np.clip(data.lens * 36.0 / width, 1.0, 5000.0)),
+        }
+        self.document.table("camera", values, note="millimetres for a sensor 36 mm wide")
+
+    def distance(self, position: np.ndarray, forward: np.ndarray) -> float:
+        """How far before the camera the middle of the shot's objects is [m]; at least 10 cm."""
+        places = [each.matrices[0][:3, 3] for some in self.roles.values() for each in some]
+        ahead = float((np.mean(places, axis=0) - position) @ forward)
+        return max(ahead, 0.1)
+
+    def output(self) -> None:
+        values: dict[str, object] = {}
+        if self.has_liquid:
+            values["mesh"] = ["ply"]
+        if self.has_smoke:
+            values["volume"] = ["density", "velocity"]
+        if self.has_cloth:
+            values["sheet"] = ["pc2"]
+        self.document.table("output", values)
+
+    def tiers(self) -> None:
+        for tier in TIERS:
+            factor = getattr(self.shot, tier)
+            values = {}
+            if self.has_liquid:
+                values["liquid.spacing"] = self.shot.liquid.spacing * self.scale * factor
+            if self.has_smoke:
+                values["smoke.spacing"] = self.shot.smoke.spacing * self.scale * factor
+            self.document.blank()
+            self.document.lines.append(f"[quality.{tier}]")
+            self.document.lines += [f"{key} = {toml.number(value)}" for key, value in values.items()]
+
+
+def clean_vector(vector: np.ndarray) -> list[float]:
+    size = float(np.abs(vector).max())
+    return [0.0 if abs(part) < 1e-6 * size else float(part) for part in vector]

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Runs the engine's commands of one job in a session of its own, so that they go on when Blender is closed.
+
+    python runner.py FOLDER
+
+FOLDER/job.json names the commands. This script holds the lock FOLDER/lock as long as it runs, writes the output of each command
+to a log, and its own state to FOLDER/state.json. A file FOLDER/stop ends the job: the engine gets the signal to stop and
+keeps its frames. Nothing but Python's standard library in here.
+"""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+REFUSED, LOCKED, INTERRUPTED = 2, 11, 130
+PROBLEMS = "problems"
+POLL_SECONDS = 0.1
+# Longer than the engine takes to come to an end after its signal: it leaves by itself after 4 s.
+STOP_SECONDS = 15.0
+
+
+def try_lock(file) -> bool:
+    """Takes the operating system's lock of an open file, unless another process holds it. It ends with the process."""
+    try:
+        if os.name == "nt":
+            import msvcrt
+
+            file.seek(1 << 20)
+            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+        else:
+            import fcntl
+
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True
+
+
+def write_state(folder: Path, state: dict) -> None:
+    temporary = folder / f".state.{os.getpid()}.tmp"
+    temporary.write_text(json.dumps(state), encoding="utf-8")
+    os.replace(temporary, folder / "state.json")
+
+
+class Runner:
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.job = json.loads((folder / "job.json").read_text(encoding="utf-8"))
+        self.is_stopped = False
+        self.state = {"id": self.job["id"], "pid": os.getpid(), "started": time.time(), "step": "", "step_started": 0.0, "code": None}
+
+    def start(self, arguments: list[str], log: str) -> subprocess.Popen:
+        """Starts the engine with its messages in LOG.log and its results in LOG.out."""
+        options = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP} if os.name == "nt" else {}
+        with open(self.folder / f"{log}.out", "wb") as out, open(self.folder / f"{log}.log", "wb") as messages:
+            command = [self.job["program"], *arguments]
+            return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=out, stderr=messages, cwd=self.job["cwd"], **options)
+
+    def stop(self, process: subprocess.Popen) -> None:
+        """The signal to stop, which keeps finished frames; then an end by force."""
+        if process.poll() is None:
+            process.send_signal(signal.CTRL_BREAK_EVENT if os.name == "nt" else signal.SIGTERM)
+            try:
+                process.wait(STOP_SECONDS)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+    def wants_stop(self) -> bool:
+        self.is_stopped = self.is_stopped or (self.folder / "stop").exists()
+        return self.is_stopped
+
+    def has_begun(self, log: str) -> bool:
+        return b'"begin"' in (self.folder / f"{log}.log").read_bytes()[:65536]
+
+    def run_step(self, step: dict) -> int:
+        """One command, and with it the one that follows its frames; the exit code."""
+        self.state |= {"step": step["name"], "step_started": time.time()}
+        write_state(self.folder, self.state)
+        main, follower = self.start(step["arguments"], step["name"]), None
+        while main.poll() is None or (follower and follower.poll() is None):
+            if self.wants_stop() or (main.poll() not in (None, 0)):
+                break
+            # What an earlier simulation left is gone only once this one has begun.
+            if follower is None and step.get("follow") and main.poll() is None and self.has_begun(step["name"]):
+                follower = self.start(step["follow"], step["follow_name"])
+            time.sleep(POLL_SECONDS)
+        for process in (main, follower):
+            if process:
+                self.stop(process)
+        if self.is_stopped:
+            return INTERRUPTED
+        if main.returncode == REFUSED:
+            self.explain(step["arguments"])
+        # A surface that could not be followed is made by the next step, which reports what is wrong with it.
+        return main.returncode
+
+    def explain(self, arguments: list[str]) -> None:
+        """Runs a command that refuses its preset again, as its JSON events lack the lines that are wrong."""
+        again = ["none" if argument == "json" else argument for argument in arguments]
+        process = self.start(again, PROBLEMS)
+        try:
+            process.wait(STOP_SECONDS)
+        except subprocess.TimeoutExpired:
+            self.stop(process)
+
+    def run(self) -> int:
+        code = 0
+        for step in self.job["steps"]:
+            code = INTERRUPTED if self.wants_stop() else self.run_step(step)
+            if code != 0:
+                break
+        self.state["code"] = code
+        write_state(self.folder, self.state)
+        return code
+
+
+def main() -> int:
+    folder = Path(sys.argv[1])
+    with open(folder / "lock", "a+b") as lock:
+        # Blender looks at the lock for moments.
+        for _ in range(20):
+            if try_lock(lock):
+                break
+            time.sleep(POLL_SECONDS)
+        else:
+            return LOCKED
+        runner = Runner(folder)
+
+        def end(*_) -> None:
+            runner.is_stopped = True
+
+        signal.signal(signal.SIGTERM, end)
+        signal.signal(signal.SIGINT, end)
+        try:
+            return runner.run()
+        except OSError as error:
+            runner.state |= {"code": 1, "error": str(error)}
+            write_state(folder, runner.state)
+            return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

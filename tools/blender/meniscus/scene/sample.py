@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Looks at the objects with a role in every frame of the scene: world matrices, meshes with modifiers applied, animated settings."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import bpy
+import numpy as np
+
+from .. import nodes
+from ..messages import ShotError, printable
+
+GEOMETRY = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
+# Frames of a scene that are looked at; an engine's frame takes seconds.
+MAX_FRAMES = 100_000
+# Bytes of the places of vertices over time that are held at once, of all objects.
+MAX_BYTES = 4 << 30
+OUTPUT = "meniscus_output"
+
+
+@dataclass
+class Geometry:
+    """Vertices [scene units] in the object's axes, and faces as lists of vertices: triangles, of cloth also quads."""
+
+    vertices: np.ndarray
+    faces: list[tuple[int, ...]]
+
+
+@dataclass
+class Sampled:
+    """One object over the frames of the scene. Matrices have lengths in metres, vertices are to be multiplied by them."""
+
+    source: bpy.types.Object
+    frames: list[int]
+    matrices: list[np.ndarray] = field(default_factory=list)
+    geometry: Geometry | None = None
+    # Vertices in each frame if the shape changes, else only those of the first.
+    vertices: list[np.ndarray] = field(default_factory=list)
+    rates: list[float] = field(default_factory=list)
+    factors: list[float] = field(default_factory=list)
+    is_on: list[bool] = field(default_factory=list)
+    pins: list[int] = field(default_factory=list)
+
+    @property
+    def role(self):
+        return self.source.meniscus
+
+    def deforms(self) -> bool:
+        return len(self.vertices) > 1
+
+
+def frame_numbers(scene: bpy.types.Scene) -> list[int]:
+    """The frames of the scene. Raises ShotError."""
+    numbers = list(range(scene.frame_start, scene.frame_end + 1, scene.frame_step))
+    if not numbers or len(numbers) > MAX_FRAMES:
+        expected = f"1 to {MAX_FRAMES}. Change Start, End and Step in the properties of the output"
+        raise ShotError(f"The scene has {len(numbers)} frames, expected {expected}")
+    if numbers[0] < 0:
+        raise ShotError(f"The scene starts at frame {numbers[0]}, expected 0 or later. Move the animation and the start of the scene")
+    return numbers
+
+
+def takes_part(context: bpy.types.Context, notes: list[str]) -> list[bpy.types.Object]:
+    """Objects with a role that are in the view layer and not hidden, by name; the others are reported."""
+    found = []
+    shown = set(context.view_layer.objects)
+    for each in sorted(context.scene.objects, key=lambda one: one.name):
+        report_instances(each, notes)
+        if each.meniscus.role == "NONE":
+            continue
+        name = printable(each.name)
+        if each not in shown:
+            notes.append(f"{name} is left out: its collection is excluded from the view layer")
+        elif each.hide_viewport or not is_shown(each, context):
+            notes.append(f"{name} is left out: it, or its collection, is hidden or disabled in viewports")
+        else:
+            found.append(each)
+    return found
+
+
+def is_shown(each: bpy.types.Object, context: bpy.types.Context) -> bool:
+    """Whether Blender evaluates an object: it is visible, but for the eye of the object itself."""
+    if each.visible_get(view_layer=context.view_layer):
+        return True
+    if not each.hide_get(view_layer=context.view_layer):
+        return False
+    each.hide_set(False, view_layer=context.view_layer)
+    visible = each.visible_get(view_layer=context.view_layer)
+    each.hide_set(True, view_layer=context.view_layer)
+    return visible
+
+
+def report_instances(each: bpy.types.Object, notes: list[str]) -> None:
+    collection = each.instance_collection if each.instance_type == "COLLECTION" else None
+    inside = [one for one in collection.all_objects if one.meniscus.role != "NONE"] if collection else []
+    if inside:
+        notes.append(f"{printable(each.name)}: {len(inside)} object(s) with a role in this instance are left out. Make the instance real")
+
+
+@contextmanager
+def quiet(context: bpy.types.Context, sources: list[bpy.types.Object]) -> Iterator[None]:
+    """Shows objects that only their own eye hides, and switches results off, which would read a file a frame."""
+    scene, before = context.scene, (context.scene.frame_current, context.scene.frame_subframe)
+    hidden = [each for each in sources if each.hide_get(view_layer=context.view_layer)]
+    results = [each for each in scene.objects if each.get(OUTPUT)]
+    modifiers = [one for each in results for one in each.modifiers if one.show_viewport and one.name.startswith(nodes.NAME.split()[0])]
+    try:
+        for each in hidden:
+            each.hide_set(False, view_layer=context.view_layer)
+        for modifier in modifiers:
+            modifier.show_viewport = False
+        yield
+    finally:
+        for each in hidden:
+            each.hide_set(True, view_layer=context.view_layer)
+        for modifier in modifiers:
+            modifier.show_viewport = True
+        scene.frame_set(before[0], subframe=before[1])
+
+
+def sample(context: bpy.types.Context, sources: list[bpy.types.Object], frames: list[int], scale: float) -> list[Sampled]:
+    """All objects in all frames; the scene is as before afterwards. Raises ShotError."""
+    found = [Sampled(each, frames) for each in sources]
+    size = 0
+    with quiet(context, sources):
+        for index, frame in enumerate(frames):
+            context.scene.frame_set(frame)
+            graph = context.evaluated_depsgraph_get()
+            for each in found:
+                size += look(each, graph, index == 0, scale)
+                if size > MAX_BYTES:
+                    text = f"more than {MAX_BYTES >> 30} GiB of vertices over {len(frames)} frames"
+                    raise ShotError(f"{printable(each.source.name)}: {text}. Use simpler meshes that deform, or fewer frames")
+    return found
+
+
+def look(each: Sampled, graph: bpy.types.Depsgraph, is_first: bool, scale: float) -> int:
+    """Adds one frame of an object; returns the bytes of the vertices that are kept."""
+    evaluated = each.source.evaluated_get(graph)
+    matrix = np.array(evaluated.matrix_world, dtype=np.float64)
+    matrix[:3, :] *= scale
+    if not np.all(np.isfinite(matrix)):
+        raise ShotError(f"{printable(each.source.name)}: its place is not a number. Check its animation")
+    each.matrices.append(matrix)
+    role = evaluated.meniscus
+    each.is_on.append(bool(role.is_on))
+    each.factors.append(float(role.factor))
+    each.rates.append(float(role.emitter.rate))
+    if each.source.type not in GEOMETRY:
+        return 0
+    if is_first:
+        each.geometry = geometry(evaluated, graph, keep_quads=role.role == "CLOTH")
+        each.vertices = [each.geometry.vertices]
+        each.pins = pinned(each) if role.role == "CLOTH" else []
+        return each.geometry.vertices.nbytes
+    if role.role == "CLOTH" or not may_deform(each.source):
+        return 0
+    vertices = geometry(evaluated, graph, keep_quads=False).vertices
+    first = each.vertices[0]
+    if len(vertices) != len(first):
+        finding = f"{len(first)} vertices in frame {each.frames[0]}, {len(vertices)} in frame {each.frames[len(each.matrices) - 1]}"
+        raise ShotError(f"{printable(each.source.name)}: {finding}. A shape that changes over time needs the same vertices in every frame")
+    if each.deforms():
+        each.vertices.append(vertices)
+        return vertices.nbytes
+    if np.array_equal(vertices, first):
+        return 0
+    # Until now it was as in the first frame.
+    each.vertices = [first] * (len(each.matrices) - 1) + [vertices]
+    return vertices.nbytes
+
+
+def may_deform(source: bpy.types.Object) -> bool:
+    """Whether the mesh of an object can change over time."""
+    data = source.data
+    return bool(source.modifiers or getattr(data, "shape_keys", None) or data.animation_data or source.type in ("META", "CURVE"))
+
+
+def geometry(evaluated: bpy.types.Object, graph: bpy.types.Depsgraph, keep_quads: bool) -> Geometry:
+    """The mesh of an evaluated object, triangulated; quads are kept where cloth wants them. Raises ShotError."""
+    name = printable(evaluated.name)
+    try:
+        mesh = evaluated.to_mesh(preserve_all_data_layers=False, depsgraph=graph)
+    except RuntimeError:
+        mesh = None
+    if mesh is None:
+        raise ShotError(f"{name}: has no mesh, expected one for its role. Use a mesh object")
+    try:
+        vertices = np.empty(3 * len(mesh.vertices), np.float32)
+        mesh.vertices.foreach_get("co", vertices)
+        if not np.all(np.isfinite(vertices)):
+            raise ShotError(f"{name}: a vertex is not at a number. Clean the mesh up")
+        if keep_quads and all(len(face.vertices) <= 4 for face in mesh.polygons):
+            faces = [tuple(face.vertices) for face in mesh.polygons]
+        else:
+            mesh.calc_loop_triangles()
+            corners = np.empty(3 * len(mesh.loop_triangles), np.int32)
+            mesh.loop_triangles.foreach_get("vertices", corners)
+            faces = list(map(tuple, corners.reshape(-1, 3).tolist()))
+    finally:
+        evaluated.to_mesh_clear()
+    return Geometry(vertices.reshape(-1, 3), faces)
+
+
+def pinned(each: Sampled) -> list[int]:
+    """Numbers of the vertices in the group of pins. Raises ShotError."""
+    name = each.role.pins
+    if not name:
+        return []
+    source = each.source
+    group = source.vertex_groups.get(name)
+    if group is None:
+        raise ShotError(f"{printable(source.name)}: has no vertex group {printable(name)} for its pins. Choose one that it has")
+    if len(source.data.vertices) != len(each.geometry.vertices):
+        finding = "its modifiers change the number of vertices, so the vertex group of its pins does not fit"
+        raise ShotError(f"{printable(source.name)}: {finding}. Apply the modifiers")
+    weights = ((vertex.index, entry.weight) for vertex in source.data.vertices for entry in vertex.groups if entry.group == group.index)
+    found = sorted(index for index, weight in weights if weight >= 0.5)
+    if not found:
+        raise ShotError(f"{printable(source.name)}: no point of the vertex group {printable(name)} has a weight of 0.5 or more")
+    return found

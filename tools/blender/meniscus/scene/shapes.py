@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""The shape of a preset for an object: analytic ones from its bounding box, else a mesh file; and its motion as keyframes."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from mathutils import Matrix
+
+from ..messages import ShotError, printable
+from . import assets, poses
+from .poses import IDENTITY, Pose
+from .roles import SHAPE_ITEMS
+from .sample import Sampled
+
+TOLERANCE = 2e-5
+DEFAULT_RESOLUTION = 128
+# Roles that a preset can move, and those whose size can change or whose mesh can deform.
+MOVING = {"INFLOW", "OUTFLOW", "COLLIDER", "FORCE", "SMOKE"}
+CHANGING = {"COLLIDER"}
+
+
+@dataclass
+class Placed:
+    """A shape, its keyframes, and the rotation from the object's axes to those in which the shape is written."""
+
+    shape: dict[str, object]
+    keyframes: list[dict[str, object]] = field(default_factory=list)
+    axes: np.ndarray = field(default_factory=lambda: np.eye(3))
+
+
+class Shaper:
+    """Makes shapes of sampled objects, writes their files, and reports what a preset cannot hold."""
+
+    def __init__(self, folder: assets.Folder, notes: list[str]) -> None:
+        self.folder = folder
+        self.notes = notes
+
+    def place(self, each: Sampled, name: str) -> Placed:
+        """The shape and motion of an object. Raises ShotError."""
+        shape = each.role.shape
+        if shape == "MESH" or shape == "EVERYWHERE":
+            return self.mesh(each, name)
+        placed = self.analytic(each, shape)
+        return placed if placed else self.mesh(each, name)
+
+    def note(self, each: Sampled, text: str) -> None:
+        self.notes.append(f"{printable(each.source.name)}: {text}")
+
+    def motion(self, each: Sampled) -> list[Pose]:
+        """Poses of a rigid object in all frames, of one that rests or cannot move in its preset only the first. Raises ShotError."""
+        found = poses.rigid_poses(each.matrices)
+        role = each.role.role
+        if found is None:
+            raise ShotError(f"{printable(each.source.name)}: shears, or changes its size by axis or to zero. Apply its scale, or that of its parent")
+        if poses.is_still(found):
+            return found[:1]
+        if role not in MOVING:
+            if role == "FLUID":
+                self.note(each, "its animation is left out: liquid is where the object is in the first frame")
+            return found[:1]
+        if role not in CHANGING and any(pose.size != 1.0 for pose in found):
+            self.note(each, "its change of size is left out: only colliders can change theirs")
+            found = [Pose(pose.place, pose.quaternion, 1.0) for pose in found]
+        return found
+
+    def analytic(self, each: Sampled, shape: str) -> Placed | None:
+        """A shape from the object's bounding box; None if only a mesh can have its place."""
+        name = printable(each.source.name)
+        if each.deforms():
+            self.note(each, f"its deformation is left out: the shape {SHAPE_ITEMS[shape][1]} is that of the first frame")
+        found = self.motion(each)
+        matrix = Matrix(each.matrices[0].tolist())
+        _, turn, scale = matrix.decompose()
+        axes = np.array(turn.to_matrix())
+        if np.abs(axes @ np.diag(scale) - each.matrices[0][:3, :3]).max() > TOLERANCE * max(map(abs, scale)):
+            raise ShotError(f"{name}: is sheared by its parent, so it is no {shape.lower()}. Choose the shape Mesh")
+        low, high = self.bounds(each)
+        ends = np.stack([low * scale, high * scale])
+        box = Box(ends.min(0), ends.max(0))
+        if shape in ("DISC", "PLANE"):
+            # Their thickness is along Z alone; a plane has no extent.
+            box.check(name, axes=2 if shape == "DISC" else 0)
+        else:
+            box.check(name, axes=3)
+        is_still = len(found) == 1
+        if is_still and (written := round_shape(shape, box, axes, each)) is not None:
+            return Placed(written, [], axes)
+        turned = np.abs(axes - np.eye(3)).max() > TOLERANCE
+        if is_still and not turned:
+            return Placed(box_shape(shape, box.moved(each.matrices[0][:3, 3])))
+        if each.role.role not in MOVING:
+            return None
+        if shape == "PLANE":
+            if any(pose.quaternion != IDENTITY for pose in found):
+                raise ShotError(f"{name}: turns, and a plane can only move. Choose the shape Box or Mesh")
+            return Placed({"plane": {"point": [0.0, 0.0, 0.0], "normal": axes[:, 2].tolist()}}, poses.keyframes(each.frames, found), axes)
+        start = poses.quaternion(axes, IDENTITY)
+        turned_poses = [Pose(pose.place, multiplied(pose.quaternion, start), pose.size) for pose in found]
+        return Placed(box_shape(shape, box), poses.keyframes(each.frames, turned_poses))
+
+    def bounds(self, each: Sampled) -> tuple[np.ndarray, np.ndarray]:
+        """The bounding box in the object's axes [scene units], of an empty the extent of its display."""
+        if each.geometry is None:
+            size = np.full(3, each.source.empty_display_size if each.source.type == "EMPTY" else 1.0)
+            return -size, size
+        if not len(each.geometry.vertices):
+            raise ShotError(f"{printable(each.source.name)}: has no vertices. Give it a mesh")
+        vertices = each.vertices[0].astype(np.float64)
+        return vertices.min(0), vertices.max(0)
+
+    def mesh(self, each: Sampled, name: str) -> Placed:
+        """A mesh file: at its place in the world if it rests, about its origin if it moves, with a point cache if it deforms."""
+        if each.geometry is None or not each.geometry.faces:
+            raise ShotError(f"{printable(each.source.name)}: has no faces, expected a mesh that encloses a volume. Choose another shape")
+        role = each.role.role
+        found = poses.rigid_poses(each.matrices)
+        if role in CHANGING and (each.deforms() or found is None):
+            return self.deforming(each, name)
+        if each.deforms():
+            self.note(each, "its deformation is left out: only colliders can deform")
+        found = self.motion(each)
+        matrix, start = each.matrices[0], np.zeros(3)
+        if len(found) == 1 and role != "BODY":
+            start = matrix[:3, 3]
+        vertices = each.vertices[0].astype(np.float64) @ matrix[:3, :3].T + start
+        file = self.folder.add(f"{name}.ply", assets.ply(vertices, oriented(each, matrix)))
+        axes = np.array(Matrix(matrix.tolist()).to_quaternion().to_matrix())
+        moves = poses.keyframes(each.frames, found) if len(found) > 1 else []
+        return Placed({"mesh": self.mesh_table(each, file)}, moves, axes)
+
+    def deforming(self, each: Sampled, name: str) -> Placed:
+        """A mesh and the places of its vertices in every frame, both in the world."""
+        if len(each.vertices) == 1:
+            each.vertices = each.vertices * len(each.frames)
+        samples = [vertices @ matrix[:3, :3].T + matrix[:3, 3] for vertices, matrix in zip(each.vertices, each.matrices)]
+        step = each.frames[1] - each.frames[0] if len(each.frames) > 1 else 1
+        file = self.folder.add(f"{name}.ply", assets.ply(samples[0], oriented(each, each.matrices[0])))
+        cache = self.folder.add(f"{name}.pc2", assets.pc2(samples, float(each.frames[0]), float(step)))
+        table = self.mesh_table(each, file)
+        return Placed({"mesh": {"file": file, "point_cache": cache} | {key: value for key, value in table.items() if key != "file"}})
+
+    def force(self, each: Sampled, name: str) -> Placed:
+        """The place and axes of a force as keyframes, and its volume in these axes; an empty shape acts everywhere."""
+        found = self.motion(each)
+        _, turn, scale = Matrix(each.matrices[0].tolist()).decompose()
+        start = poses.quaternion(np.array(turn.to_matrix()), IDENTITY)
+        moves = poses.keyframes(each.frames, [Pose(pose.place, multiplied(pose.quaternion, start), 1.0) for pose in found])
+        shape = each.role.shape
+        if shape == "EVERYWHERE":
+            return Placed({}, moves)
+        if shape == "MESH":
+            if each.geometry is None or not each.geometry.faces:
+                raise ShotError(f"{printable(each.source.name)}: has no faces, expected a mesh that encloses a volume. Choose another shape")
+            vertices = each.vertices[0].astype(np.float64) * scale
+            file = self.folder.add(f"{name}.ply", assets.ply(vertices, oriented(each, each.matrices[0])))
+            return Placed({"mesh": self.mesh_table(each, file)}, moves)
+        low, high = self.bounds(each)
+        ends = np.stack([low * scale, high * scale])
+        box = Box(ends.min(0), ends.max(0))
+        box.check(printable(each.source.name), axes=3)
+        return Placed(box_shape(shape, box), moves)
+
+    def mesh_table(self, each: Sampled, file: str) -> dict[str, object]:
+        resolution = each.role.resolution
+        return {"file": file} | ({"resolution": resolution} if resolution != DEFAULT_RESOLUTION else {})
+
+
+@dataclass
+class Box:
+    """A box between two corners [m]."""
+
+    low: np.ndarray
+    high: np.ndarray
+
+    def check(self, name: str, axes: int) -> None:
+        if not np.all((self.high - self.low)[:axes] > 0.0):
+            raise ShotError(f"{name}: its bounding box is flat, expected a length along each axis. Scale it, or choose another shape")
+
+    def moved(self, place: np.ndarray) -> "Box":
+        return Box(self.low + place, self.high + place)
+
+    def center(self) -> np.ndarray:
+        return (self.low + self.high) / 2.0
+
+    def half(self) -> np.ndarray:
+        return (self.high - self.low) / 2.0
+
+
+def is_round(half: np.ndarray) -> bool:
+    return bool(half.max() - half.min() <= 1e-4 * half.max())
+
+
+def round_shape(shape: str, box: Box, axes: np.ndarray, each: Sampled) -> dict[str, object] | None:
+    """A shape that rests and needs no keyframe for a turn: plane, disc and ball."""
+    place = each.matrices[0][:3, 3]
+    center = (axes @ box.center() + place).tolist()
+    if shape == "PLANE":
+        return {"plane": {"point": place.tolist(), "normal": clean(axes[:, 2])}}
+    if shape == "DISC":
+        return {"disc": {"center": center, "normal": clean(axes[:, 2])} | disc_size(box)}
+    if shape == "SPHERE" and is_round(box.half()):
+        return {"sphere": {"center": center, "radius": float(box.half().mean())}}
+    return None
+
+
+def clean(direction: np.ndarray) -> list[float]:
+    """A direction without the rounding of zeros and ones."""
+    return [float(round(part, 6)) for part in direction]
+
+
+def disc_size(box: Box) -> dict[str, float]:
+    half = box.half()
+    size = {"radius": float((half[0] + half[1]) / 2.0)}
+    return size | ({"thickness": float(2.0 * half[2])} if half[2] > 1e-6 * half[0] else {})
+
+
+def box_shape(shape: str, box: Box) -> dict[str, object]:
+    """A shape in the axes of its box."""
+    corners = {"min": box.low.tolist(), "max": box.high.tolist()}
+    if shape in ("BOX", "TANK"):
+        return {shape.lower(): corners}
+    center = box.center().tolist()
+    if shape == "DISC":
+        return {"disc": {"center": center, "normal": [0.0, 0.0, 1.0]} | disc_size(box)}
+    if is_round(box.half()):
+        return {"sphere": {"center": center, "radius": float(box.half().mean())}}
+    return {"ellipsoid": {"center": center, "radii": box.half().tolist()}}
+
+
+def oriented(each: Sampled, matrix: np.ndarray) -> list[tuple[int, ...]]:
+    """Faces counter-clockwise seen from outside, also of a mirrored object."""
+    faces = each.geometry.faces
+    return [face[::-1] for face in faces] if np.linalg.det(matrix[:3, :3]) < 0.0 else faces
+
+
+def multiplied(one: tuple[float, ...], other: tuple[float, ...]) -> tuple[float, ...]:
+    """The quaternion of the rotation `other` and then `one`."""
+    w, x, y, z = one
+    a, b, c, d = other
+    return (w * a - x * b - y * c - z * d, w * b + x * a + y * d - z * c, w * c - x * d + y * a + z * b, w * d + x * c - y * b + z * a)

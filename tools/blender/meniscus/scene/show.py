@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Shows the results of a job in the scene: surfaces as their frames arrive, everything else when the job has ended.
+
+Objects are those that the importer makes. Each has a custom property with the output that it shows, so a second run gives it
+other files and leaves its materials, name and place as the artist made them.
+"""
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from .. import colliders, material, nodes, outputs, sheets, volumes
+from ..check import check_cache, check_files
+from ..folder import ShotFolder
+from ..headers import check_ply
+from ..messages import ShotError, printable
+from ..motion import Motion, read_motion
+from ..shot import FRAME_NUMBER, MAX_SCENE_FRAME, Frames, MeshOutput, PointsOutput, Shot, below, format_string, read_shot
+from .sample import OUTPUT
+
+COLLECTION = "Meniscus Shot"
+SURFACE = MeshOutput("liquid", f"mesh/liquid_{FRAME_NUMBER}.ply", Frames(0, 0, 1), True)
+
+
+def existing(scene: bpy.types.Scene, key: str) -> bpy.types.Object | None:
+    return next((each for each in scene.objects if each.get(OUTPUT) == key), None)
+
+
+def collection(scene: bpy.types.Scene) -> bpy.types.Collection:
+    """The scene's collection of results."""
+    for each in scene.collection.children_recursive:
+        if each.get(OUTPUT):
+            return each
+    made = bpy.data.collections.new(COLLECTION)
+    made[OUTPUT] = "results"
+    scene.collection.children.link(made)
+    return made
+
+
+def adopt(scene: bpy.types.Scene, made: bpy.types.Object, key: str) -> bpy.types.Object:
+    """Links a new result into the scene; it takes over materials and visibility of the earlier one, which it replaces."""
+    before = existing(scene, key)
+    made[OUTPUT] = key
+    if before is not None:
+        if made.data and before.data and len(before.data.materials):
+            made.data.materials.clear()
+            for each in before.data.materials:
+                made.data.materials.append(each)
+        made.hide_render = before.hide_render
+        name = before.name
+        bpy.data.objects.remove(before)
+        made.name = name
+    made.scale = [part / scene.unit_settings.scale_length for part in made.scale]
+    collection(scene).objects.link(made)
+    return made
+
+
+def sequence(scene: bpy.types.Scene, output: MeshOutput | PointsOutput, folder: str) -> bpy.types.Object:
+    """The object of a mesh or point sequence with these frames, a new one if there is none."""
+    kind = "points" if isinstance(output, PointsOutput) else "mesh"
+    key = f"{kind}:{output.name}"
+    shown = existing(scene, key)
+    files = format_string(below(folder, output.pattern))
+    if shown is None or nodes.NAME not in shown.modifiers:
+        return adopt(scene, outputs.add_object(output, files), key)
+    values = {"Files": files, "First": output.frames.first, "Last": output.frames.last, "Step": output.frames.step}
+    nodes.set_inputs(shown.modifiers[nodes.NAME], values | {"Velocity": output.has_velocity})
+    shown.update_tag()
+    return shown
+
+
+class Arrivals:
+    """Surfaces of a running job, shown up to the last frame before which none is missing."""
+
+    def __init__(self, shot: Path, frames: list[int]) -> None:
+        self.shot, self.frames = shot, frames
+        self.shown = 0
+        self.checked: set[int] = set()
+
+    def update(self, scene: bpy.types.Scene, reported: set[int]) -> bool:
+        """Shows frames that were reported since the last look. Raises ShotError."""
+        count = self.shown
+        while count < len(self.frames) and self.frames[count] in reported:
+            count += 1
+        if count == self.shown:
+            return False
+        files = ShotFolder(self.shot)
+        for frame in self.frames[self.shown : count]:
+            check_ply(files, SURFACE.path(frame))
+        self.shown = count
+        step = self.frames[1] - self.frames[0] if len(self.frames) > 1 else 1
+        span = Frames(self.frames[0], self.frames[count - 1], step)
+        folder = outputs.shot_folder(files.root, "AUTO")
+        sequence(scene, MeshOutput(SURFACE.name, SURFACE.pattern, span, True), folder)
+        return True
+
+
+def show_all(context: bpy.types.Context, scene: bpy.types.Scene, folder: Path) -> list[str]:
+    """Shows every output of a shot that ended; what was reported about it. Raises ShotError."""
+    notes: list[str] = []
+    shot = read_shot(folder)
+    files = ShotFolder(shot.folder)
+    frames = check_files(shot, files, notes.append)
+    path = outputs.shot_folder(files.root, "AUTO")
+    outputs.check_paths(shot, path)
+    for output in (*shot.meshes, *shot.points):
+        sequence(scene, output, path)
+    for output in shot.volumes:
+        adopt(scene, volumes.add_volume(context, output, path, frames[output]), f"volume:{output.name}")
+    for sheet in shot.sheets:
+        show_cloth(context, scene, sheet, files, path)
+    show_solids(context, scene, shot, files, path)
+    return notes
+
+
+def source_of(scene: bpy.types.Scene, asset: str, role: str) -> bpy.types.Object | None:
+    """The object whose files and outputs have a name."""
+    return next((each for each in scene.objects if each.meniscus.role == role and each.meniscus.asset == asset), None)
+
+
+def copy_of(context: bpy.types.Context, source: bpy.types.Object, name: str, place: bool) -> bpy.types.Object:
+    """A new object with the source's mesh, its modifiers applied, materials and all, in metres as its asset was written."""
+    graph = context.evaluated_depsgraph_get()
+    mesh = bpy.data.meshes.new_from_object(source.evaluated_get(graph), preserve_all_data_layers=True, depsgraph=graph)
+    start = Matrix(np.array(source.meniscus.start).reshape(4, 4).tolist())
+    mesh.transform(start if place else start.to_3x3().to_4x4())
+    if start.to_3x3().determinant() < 0.0:
+        mesh.flip_normals()
+    return bpy.data.objects.new(name, mesh)
+
+
+def put_aside(source: bpy.types.Object, layer: bpy.types.ViewLayer) -> None:
+    """Hides an object that a result stands for: its eye, and in renders. Its role keeps it in the simulation."""
+    source.hide_render = True
+    if source.name in layer.objects:
+        source.hide_set(True, view_layer=layer)
+
+
+def show_cloth(context: bpy.types.Context, scene: bpy.types.Scene, sheet, files: ShotFolder, path: str) -> None:
+    source, key = source_of(scene, sheet.name, "CLOTH"), f"sheet:{sheet.name}"
+    cache = below(path, sheet.cache)
+    made = None
+    if source is not None:
+        made = copy_of(context, source, f"{source.name} Simulated", place=True)
+        if len(made.data.vertices) == check_ply(files, sheet.rest):
+            sheets.deform(made, cache, sheet.frames.first, sheet.frames.step)
+        else:
+            bpy.data.objects.remove(made)
+            made = None
+    if made is None:
+        made = sheets.add_sheet(sheet, files.full(sheet.rest), cache)
+    elif not len(made.data.materials):
+        made.data.materials.append(sheets.cloth())
+    adopt(scene, made, key)
+    if source is not None:
+        put_aside(source, context.view_layer)
+
+
+def show_solids(context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, files: ShotFolder, path: str) -> None:
+    """Bodies where the simulation moved them, and tanks with a look; the scene has the other colliders."""
+    for output in shot.colliders:
+        source = source_of(scene, output.name, "BODY")
+        motion = read_motion(files, output.motion)
+        check_cache(output, motion, files)
+        if source is not None:
+            made = copy_of(context, source, f"{source.name} Simulated", place=False)
+            if not len(made.data.materials):
+                made.data.materials.append(colliders.matte())
+            moved(made, motion, scene.unit_settings.scale_length)
+            adopt(scene, made, f"body:{output.name}")
+            put_aside(source, context.view_layer)
+        elif motion.shape == "tank":
+            made = colliders.add_collider(output, files.full(output.mesh), motion)
+            moved(made, motion, scene.unit_settings.scale_length)
+            adopt(scene, made, f"tank:{output.name}")
+
+
+def moved(made: bpy.types.Object, motion: Motion, scale: float) -> None:
+    """Gives an object the poses of a motion, in the scene's units."""
+    poses = [[*(part / scale for part in pose[:3]), *pose[3:]] for pose in motion.poses]
+    scales = [size / scale for size in motion.scales] if motion.scales else None
+    scaled = Motion(motion.shape, motion.look, motion.first, poses, scales, None)
+    made.rotation_mode = "QUATERNION"
+    made.location, made.rotation_quaternion = poses[0][:3], poses[0][3:]
+    if scales or any(pose != poses[0] for pose in poses):
+        colliders.animate(made, scaled)
