@@ -24,7 +24,7 @@ HERE = Path(__file__).resolve().parent
 TOOL = HERE.parent
 # A stage takes a minute at most; one that waits for a pipe never ends.
 HANG_SECONDS = 900
-SCENES = ("tap",)
+SCENES = (("tap", "scenes.py"), ("presets", "presets.py"))
 sys.path[:0] = [str(HERE), str(TOOL)]
 
 import build  # noqa: E402
@@ -95,8 +95,8 @@ def check_scenes(tally: Tally, work: Path, user: Path) -> None:
         print("LEFT OUT: scenes, since MENISCUS names no engine and none is on the PATH", flush=True)
         return
     os.environ["MENISCUS"] = os.path.abspath(program)
-    for name in SCENES:
-        tally.stage(name, [work / name], user, "scenes.py")
+    for name, script in SCENES:
+        tally.stage(name, [work / name], user, script)
 
 
 def main() -> int:

@@ -30,14 +30,14 @@ def ply(vertices: np.ndarray, faces: list[tuple[int, ...]]) -> bytes:
     head = (
         "ply\nformat binary_little_endian 1.0\n"
         f"element vertex {len(vertices)}\nproperty float x\nproperty float y\nproperty float z\n"
-        f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+        f"element face {len(faces)}\nproperty list uchar uint vertex_indices\nend_header\n"
     )
     if all(len(face) == 3 for face in faces):
-        rows = np.empty(len(faces), np.dtype([("count", "u1"), ("corners", "<i4", 3)]))
-        rows["count"], rows["corners"] = 3, np.array(faces, np.int32).reshape(-1, 3)
+        rows = np.empty(len(faces), np.dtype([("count", "u1"), ("corners", "<u4", 3)]))
+        rows["count"], rows["corners"] = 3, np.array(faces, np.uint32).reshape(-1, 3)
         body = rows.tobytes()
     else:
-        body = b"".join(struct.pack(f"<B{len(face)}i", len(face), *face) for face in faces)
+        body = b"".join(struct.pack(f"<B{len(face)}I", len(face), *face) for face in faces)
     return head.encode("ascii") + np.ascontiguousarray(vertices, "<f4").tobytes() + body
 
 

@@ -25,6 +25,7 @@ class MENISCUS_Preferences(bpy.types.AddonPreferences):
         name="Engine",
         description="The meniscus program. Empty: that of the Python package meniscus_fx, of this extension, or on the PATH",
         subtype="FILE_PATH",
+        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
     )
 
     def draw(self, _context: bpy.types.Context) -> None:

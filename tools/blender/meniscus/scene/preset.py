@@ -282,7 +282,7 @@ class Writer:
             if placed.shape:
                 values["shape"] = placed.shape
             values |= {key: value for key, value in self.values(each, "force", "ForceParams").items() if placed.shape or key != "falloff"}
-            if self.has_bodies:
+            if self.has_bodies or self.has_smoke:
                 values["systems"] = systems
             factors = [factor * on for factor, on in zip(each.factors, each.is_on)]
             if any(factor != 1.0 for factor in factors):

@@ -145,6 +145,7 @@ def make_classes() -> list[type]:
             description="Folder of the preset, its meshes and the shot. Relative to the .blend with //",
             default="//meniscus",
             subtype="DIR_PATH",
+            options={"ANIMATABLE", "PATH_SUPPORTS_BLEND_RELATIVE"},
         )
         title: StringProperty(name="Title", description="The shot's name; empty: that of the scene")
         quality: EnumProperty(
