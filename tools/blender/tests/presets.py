@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Tests of what a generated preset holds, inside Blender: shapes, motion, units, settings, names, and what is left out.
+"""Tests of what a generated preset holds, inside Blender: shapes, motion, units, settings, names, and objects that are left out.
 
 run.py starts the stage in a process of its own. Every preset is read back with Python's TOML reader, and the engine checks it.
 """

@@ -24,7 +24,7 @@ HERE = Path(__file__).resolve().parent
 TOOL = HERE.parent
 # A stage takes a minute at most; one that waits for a pipe never ends.
 HANG_SECONDS = 900
-SCENES = (("tap", "scenes.py"), ("presets", "presets.py"))
+SCENES = (("tap", "scenes.py"), ("presets", "presets.py"), ("jobs", "jobs.py"), ("closed", "jobs.py"), ("engine", "jobs.py"))
 sys.path[:0] = [str(HERE), str(TOOL)]
 
 import build  # noqa: E402

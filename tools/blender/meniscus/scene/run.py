@@ -141,7 +141,10 @@ class Job:
         if not self.is_running:
             code = self.state.get("code")
             self.code = code if isinstance(code, int) else None
-            if was_running and self.code not in (0, PAUSED):
+            if self.code in (0, PAUSED):
+                # The engine reports an interruption as an error.
+                self.error = ""
+            elif was_running:
                 self.error = self.error or self.reason()
         return was_running != self.is_running or had != (self.step, len(self.messages), self.percent())
 
