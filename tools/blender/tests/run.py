@@ -24,7 +24,12 @@ HERE = Path(__file__).resolve().parent
 TOOL = HERE.parent
 # A stage takes a minute at most; one that waits for a pipe never ends.
 HANG_SECONDS = 900
-SCENES = (("tap", "scenes.py"), ("presets", "presets.py"), ("jobs", "jobs.py"), ("closed", "jobs.py"), ("engine", "jobs.py"))
+SCENES = {
+    "scenes.py": ["tap"],
+    "presets.py": ["presets"],
+    "jobs.py": ["jobs", "closed", "engine"],
+    "results.py": ["bodies", "cloth", "panels"],
+}
 sys.path[:0] = [str(HERE), str(TOOL)]
 
 import build  # noqa: E402
@@ -95,8 +100,9 @@ def check_scenes(tally: Tally, work: Path, user: Path) -> None:
         print("LEFT OUT: scenes, since MENISCUS names no engine and none is on the PATH", flush=True)
         return
     os.environ["MENISCUS"] = os.path.abspath(program)
-    for name, script in SCENES:
-        tally.stage(name, [work / name], user, script)
+    for script, names in SCENES.items():
+        for name in names:
+            tally.stage(name, [work / name], user, script)
 
 
 def main() -> int:

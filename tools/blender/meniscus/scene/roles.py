@@ -100,6 +100,7 @@ def scene_key(definition: str, name: str) -> str:
 
 def make_classes() -> list[type]:
     """The classes of properties, whose tables come from the schema."""
+    settings.updates["look"] = lambda group, _context: look_changed(group.id_data.meniscus)
     groups = {attribute: settings.group(definition) for definition, attribute in DEFINITIONS.values()}
     kinds = schema.choices("ForceKind")
     placed = frozenset({"center", "axis"})

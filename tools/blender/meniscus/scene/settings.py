@@ -5,6 +5,7 @@ A key without a default has a switch `use_KEY`: off, it is left out of the prese
 multiplied by its unit scale; angles are radians in Blender and degrees in presets.
 """
 
+from collections.abc import Callable
 from math import degrees, radians
 
 import bpy
@@ -51,6 +52,8 @@ SWITCHED_ON |= {f"SurfaceParams.{name}" for name in ("anisotropy", "smoothing", 
 SWITCHED_ON_VALUES = {"SheetParams.bending": 1e-5}
 
 made: dict[str, type] = {}
+# What is called after a change of a key, by its name.
+updates: dict[str, Callable] = {}
 
 
 def label(key: Key) -> str:
@@ -73,7 +76,9 @@ def group(definition: str, inner: tuple[Key, ...] | None = None, skip: frozenset
         path = f"{definition}.{key.name}"
         if key.is_optional:
             name = f"Use {key.name.replace('_', ' ').title()}"
-            annotations[f"use_{key.name}"] = BoolProperty(name=name, description=key.text, default=path in SWITCHED_ON)
+            annotations[f"use_{key.name}"] = BoolProperty(
+                name=name, description=key.text, default=path in SWITCHED_ON, update=updates.get(key.name)
+            )
         annotations[key.name] = PointerProperty(type=group(key.definition)) if key.kind == "table" else property_of(key, path)
     new = type(f"{PREFIX}{definition}", (bpy.types.PropertyGroup,), {"__annotations__": annotations})
     bpy.utils.register_class(new)
@@ -97,7 +102,7 @@ def property_of(key: Key, path: str):
         items = [(word, word.replace("_", " ").title(), text, 1 << index) for index, (word, text) in enumerate(key.words)]
         if key.kind == "words":
             return EnumProperty(**common, items=items, options={"ENUM_FLAG"}, default=set(start or ()))
-        return EnumProperty(**common, items=items, default=start or key.words[0][0])
+        return EnumProperty(**common, items=items, default=start or key.words[0][0], update=updates.get(key.name))
     if key.kind == "integer":
         low = int(key.low) if key.low is not None else -MAX_INT
         high = min(int(key.high) if key.high is not None else MAX_INT, MAX_INT)

@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Tests of results that the scene shows, inside Blender: bodies, cloth, smoke, materials, units; and of the panels.
+
+run.py starts each stage in a process of its own.
+"""
+
+import json
+import struct
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Quaternion
+
+import harness
+import ply
+from harness import check
+from presets import add
+from scenes import empty, scene_module, wait, water
+
+UNIT = 0.5
+
+
+def result(scene: bpy.types.Scene, key: str) -> bpy.types.Object | None:
+    return next((each for each in scene.objects if each.get("meniscus_output") == key), None)
+
+
+def evaluated_points(shown: bpy.types.Object, frame: int) -> np.ndarray:
+    """World places of an object's vertices in a frame [scene units]."""
+    bpy.context.scene.frame_set(frame)
+    each = shown.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    return np.array([each.matrix_world @ vertex.co for vertex in each.data.vertices])
+
+
+def stage_bodies(folder: Path) -> None:
+    """Bodies are found by their names, where the simulation moved them, with their own materials, in the scene's units."""
+    scene = empty(folder)
+    scene.unit_settings.scale_length = UNIT
+    # Blender's gravity of 9.81 units is half of Earth's at this unit.
+    scene.gravity = (0.0, 0.0, -9.81 / UNIT)
+    for kind in ("tank", "pool"):
+        add(kind)
+    scene.meniscus.liquid.spacing, scene.frame_end = 0.16, 6
+    names = ("Zulu", "Alfa", "Mike")
+    for index, name in enumerate(names):
+        made = add("body")
+        made.name = name
+        # Names and shapes are in another order than their addition.
+        made.location = (-1.2 + 1.2 * index, 0.0, 1.2 + 0.1 * index)
+        made.rotation_euler, made.scale = (0.1 * index, 0.3, 0.0), (1.0, 1.0 + 0.2 * index, 1.0)
+        made.data.materials.append(bpy.data.materials.new(f"Paint {name}"))
+        made.meniscus.body.density = 500.0
+    tank = bpy.data.objects["Tank"]
+    tank.meniscus.collider.use_look, tank.meniscus.collider.look = True, "glass"
+    start = {name: evaluated_points(bpy.data.objects[name], 1) for name in names}
+    bpy.ops.meniscus.simulate(wait=True)
+    for name in names:
+        shown = result(scene, f"body:{name}")
+        check(shown is not None and shown.data.materials[0].name == f"Paint {name}", f"{name} has a result with its own material")
+        if shown is None:
+            continue
+        check(np.abs(evaluated_points(shown, 1) - start[name]).max() < 1e-4, f"{name} starts where it was placed")
+        motion = json.loads((folder / "meniscus" / "draft" / "collider" / f"{name}.json").read_text())
+        table, _ = ply.read(folder / "meniscus" / "draft" / "collider" / f"{name}.ply")
+        rest = np.stack([table[axis] for axis in "xyz"], axis=1)
+        pose = motion["poses"][5]
+        world = (rest @ np.array(Quaternion(pose[3:]).to_matrix()).T + pose[:3]) / UNIT
+        found = evaluated_points(shown, 6)
+        apart = max(np.abs(world - point).max(axis=1).min() for point in found)
+        check(apart < 1e-3, f"{name} is where the engine has it in the last frame", apart)
+        fallen = float((start[name] - found)[:, 2].mean())
+        check(0.3 < fallen * UNIT / (0.5 * 9.81 * (5.0 / 24.0) ** 2) < 1.3, f"{name} falls in metres", fallen)
+        source = bpy.data.objects[name]
+        check(source.hide_get() and source.hide_render, f"{name} itself is put aside")
+    check(result(scene, "tank:tank") is not None, "a tank of glass has its walls as a result")
+    low, high = (np.array(points) for points in (evaluated_points(water(scene), 1).min(0), evaluated_points(water(scene), 1).max(0)))
+    check(np.allclose(high[:2] - low[:2], (4.0, 2.0), atol=0.3), "the water has the size of the pool in the scene's units", (low, high))
+    count = len(scene.objects)
+    written = (folder / "meniscus" / "scene.toml").read_bytes()
+    bpy.ops.meniscus.simulate(wait=True)
+    check(len(scene.objects) == count, "a second run makes no second results", (count, len(scene.objects)))
+    check((folder / "meniscus" / "scene.toml").read_bytes() == written, "results do not change the preset")
+
+
+def stage_cloth(folder: Path) -> None:
+    """Cloth keeps its mesh, UV map and material and follows its point cache; smoke becomes a volume."""
+    scene = empty(folder)
+    scene.frame_end = 5
+    cloth = add("cloth")
+    cloth.data.uv_layers.new(name="Cut")
+    cloth.data.materials.append(bpy.data.materials.new("Silk"))
+    cloth.location.x = 0.3
+    add("collider")
+    smoke = add("smoke")
+    smoke.location.x = 2.0
+    smoke.meniscus.smoke.use_velocity, smoke.meniscus.smoke.velocity = True, (0.0, 0.0, 0.5)
+    scene.meniscus.smoke.spacing = 0.12
+    bpy.ops.meniscus.simulate(wait=True)
+    shown = result(scene, "sheet:Cloth")
+    check(shown is not None and "Cut" in shown.data.uv_layers and shown.data.materials[0].name == "Silk", "cloth has its UV map and material")
+    content = (folder / "meniscus" / "draft" / "sheet" / "Cloth.pc2").read_bytes()
+    count, samples = struct.unpack("<i", content[16:20])[0], struct.unpack("<i", content[28:32])[0]
+    places = np.frombuffer(content[32:], "<f4").reshape(samples, count, 3)
+    check(np.abs(evaluated_points(shown, 5) - places[4]).max() < 1e-5, "cloth follows its point cache")
+    check(places[4][:, 2].mean() < places[0][:, 2].mean() - 0.05, "it falls")
+    volume = result(scene, "volume:smoke")
+    check(volume is not None and volume.type == "VOLUME" and volume.data.is_sequence, "smoke is a sequence of volumes")
+    check(cloth.meniscus.role == "CLOTH" and cloth.hide_render, "the cloth itself is put aside")
+
+
+class Recorder:
+    """Stands in for a layout: panels are drawn without a window, and every property, operator and icon has to exist."""
+
+    icons = set(bpy.types.UILayout.bl_rna.functions["prop"].parameters["icon"].enum_items.keys())
+
+    def __init__(self, drawn: list[str]) -> None:
+        self.__dict__["drawn"] = drawn
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if name not in bpy.types.UILayout.bl_rna.properties:
+            raise AttributeError(name)
+
+    def prop(self, data, name: str, text: str = "", icon: str = "NONE", expand: bool = False) -> None:
+        data.bl_rna.properties[name]
+        getattr(data, name)
+        self.add(name, icon)
+
+    def prop_search(self, data, name: str, source, collection: str) -> None:
+        getattr(source, collection)
+        self.prop(data, name)
+
+    def operator(self, name: str, text: str = "", icon: str = "NONE"):
+        module, _, function = name.partition(".")
+        getattr(getattr(bpy.ops, module), function).get_rna_type()
+        self.add(name, icon)
+        return type("Properties", (), {})()
+
+    def label(self, text: str = "", icon: str = "NONE") -> None:
+        self.add(text, icon)
+
+    def progress(self, factor: float, type: str, text: str) -> None:
+        self.add(text, "NONE")
+
+    def add(self, text: str, icon: str) -> None:
+        if icon not in self.icons:
+            raise ValueError(icon)
+        self.drawn.append(text)
+
+    def row(self, **_options):
+        return Recorder(self.drawn)
+
+    column = row
+
+    def panel(self, _name: str, default_closed: bool):
+        return Recorder(self.drawn), Recorder(self.drawn)
+
+    def menu(self, name: str, icon: str = "NONE") -> None:
+        self.add(getattr(bpy.types, name).bl_label, icon)
+
+
+def drawn(panel: type, method: str = "draw") -> list[str]:
+    found: list[str] = []
+    stand_in = type("StandIn", (), {"layout": Recorder(found)})
+    for name in ("draw_cloth", "draw_job", "definition", "attribute"):
+        if hasattr(panel, name):
+            setattr(stand_in, name, getattr(panel, name))
+    getattr(panel, method)(stand_in(), bpy.context)
+    return found
+
+
+def stage_panels(folder: Path) -> None:
+    """Every panel and menu draws, for every role and kind of force."""
+    scene = empty(folder)
+    panels, add_module = scene_module("panels"), scene_module("add")
+    check(len(drawn(add_module.MENISCUS_MT_add)) == 13, "the menu draws its thirteen entries")
+    for kind in add_module.KINDS:
+        add(kind)
+        found = drawn(panels.MENISCUS_PT_object)
+        check(panels.MENISCUS_PT_object.poll(bpy.context) and "role" in found, f"the panel of {kind} draws", found)
+    for name in ("uniform", "point", "vortex", "turbulence", "drag"):
+        force = bpy.data.objects["Force"]
+        bpy.context.view_layer.objects.active = force
+        force.meniscus.kind = name
+        check("factor" in drawn(panels.MENISCUS_PT_object), f"the panel of the force {name} draws")
+    settings = [panel for panel in panels.CLASSES if isinstance(panel, type) and issubclass(panel, bpy.types.Panel)]
+    for panel in settings:
+        if panel is not panels.MENISCUS_PT_object:
+            check(bool(drawn(panel)), f"the panel {panel.__name__} draws")
+    found = drawn(panels.MENISCUS_PT_scene)
+    check("meniscus.simulate" in found and "meniscus.pause" not in found, "without a job there is Simulate", found)
+    scene.meniscus.liquid.spacing = 0.2
+    for name in ("Body", "Cloth", "Smoke", "Force", "Tap", "Glass"):
+        bpy.data.objects.remove(bpy.data.objects[name])
+    scene.frame_end = 40
+    bpy.ops.meniscus.simulate()
+    found = drawn(panels.MENISCUS_PT_scene)
+    check("meniscus.pause" in found and "meniscus.simulate" not in found, "with a job there is Pause", found)
+    bpy.ops.meniscus.pause()
+    session = scene_module("session")
+    job, _ = wait(scene)
+    found = drawn(panels.MENISCUS_PT_sidebar)
+    check(job.code == 130 and "meniscus.resume" in found, "after a pause there is Resume", (job.code, found))
+    glass = add("collider")
+    glass.meniscus.collider.use_look, glass.meniscus.collider.look = True, "glass"
+    names = [slot.material.name for slot in glass.material_slots if slot.material]
+    check(names == ["Glass"], "a collider of glass without a material gets the material Glass", names)
+    check(bool(session.status(job)), "the job has a status")
+
+
+if __name__ == "__main__":
+    harness.run(globals())
