@@ -151,6 +151,20 @@ def check_killed(scene: bpy.types.Scene, folder: Path) -> None:
     wait(scene)
 
 
+def check_links(folder: Path) -> None:
+    """Links in the job's folder lead no write outside."""
+    scene = pool(folder, 2)
+    outside = folder / "outside"
+    outside.write_text("mine")
+    run = folder / "meniscus" / "run"
+    run.mkdir(parents=True)
+    for name in ("simulate.log", "simulate.out", "outputs.log", "surfaces.log", "runner.log", "job.json", "state.json"):
+        (run / name).symlink_to(outside)
+    bpy.ops.meniscus.simulate(wait=True)
+    check(scene_module("session").job_of(scene).code == 0 and outside.read_text() == "mine", "no write follows a link in the job's folder")
+    check(not any(path.is_symlink() for path in run.iterdir()), "links are replaced by files")
+
+
 def stage_leave(folder: Path) -> None:
     """Starts a job and leaves at once, without a word to it."""
     use_addon()
@@ -202,6 +216,7 @@ def stage_engine(folder: Path) -> None:
     del sys.modules["meniscus_fx"]
     os.environ["PATH"] = path
     check_plan(folder / "plan")
+    check_links(folder / "links")
 
 
 def check_plan(folder: Path) -> None:

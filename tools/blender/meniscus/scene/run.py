@@ -25,7 +25,7 @@ MAX_STATE_BYTES, MAX_PLAN_BYTES = 1 << 16, 4 << 20
 MAX_READ = 1 << 18
 MAX_LINE = 1 << 16
 # A job has its lock after this time, or has not started.
-START_SECONDS = 15.0
+START_SECONDS = 30.0
 # Logs: of surfaces that follow a simulation, and of what is wrong with a preset.
 SURFACES, PROBLEMS = "surfaces", runner.PROBLEMS
 # The steps of a job and what they are for.
@@ -53,6 +53,8 @@ class Log:
         self.path, self.offset, self.rest = path, 0, b""
 
     def lines(self) -> list[str]:
+        if not self.path.is_file():
+            return []
         try:
             with open(self.path, "rb") as file:
                 file.seek(self.offset)
@@ -103,7 +105,6 @@ class Job:
         self.state: dict = {}
         self.logs: dict[str, Log] = {}
         self.progress: dict[str, Progress] = {}
-        self.started = time.time()
 
     @property
     def tier(self) -> str:
@@ -137,7 +138,7 @@ class Job:
         self.state = state if is_of_job else {}
         for name in [SURFACES, PROBLEMS, *(step["name"] for step in self.description.get("steps", []))]:
             self.read(name)
-        self.is_running = locked and (is_of_job or not state) or self.is_starting(locked, is_of_job)
+        self.is_running = (locked and is_of_job) or self.is_starting(is_of_job)
         if not self.is_running:
             code = self.state.get("code")
             self.code = code if isinstance(code, int) else None
@@ -148,12 +149,12 @@ class Job:
                 self.error = self.error or self.reason()
         return was_running != self.is_running or had != (self.step, len(self.messages), self.percent())
 
-    def is_starting(self, locked: bool, is_of_job: bool) -> bool:
-        """Whether a process that this Blender started has not come to its lock yet."""
-        if self.process is None or is_of_job:
+    def is_starting(self, is_of_job: bool) -> bool:
+        """Whether the process of a job, of this Blender or of one that was closed, may still come to its lock."""
+        if is_of_job or (self.process is not None and self.process.poll() is not None):
             return False
-        alive = self.process.poll() is None
-        return alive and (locked or time.time() - self.started < START_SECONDS)
+        started = self.description.get("started")
+        return isinstance(started, (int, float)) and 0.0 <= time.time() - started < START_SECONDS
 
     def read(self, name: str) -> None:
         """Takes the new events of one log."""
@@ -211,7 +212,7 @@ class Job:
 def is_locked(folder: Path) -> bool:
     """Whether a process holds the lock of a folder; a file alone, or a number of a process in it, proves nothing."""
     path = folder / "lock"
-    if not path.is_file():
+    if not path.is_file() or path.is_symlink():
         return False
     try:
         with open(path, "r+b") as file:
@@ -250,13 +251,20 @@ def start(root: Path, program: Path, action: str, tier: str, steps: list[dict], 
     except OSError as error:
         raise assets.cannot_write(job.folder, error) from None
     job.description = {
-        "id": uuid.uuid4().hex, "action": action, "tier": tier, "program": str(program), "cwd": str(root), "steps": steps, "frames": frames
+        "id": uuid.uuid4().hex,
+        "started": time.time(),
+        "action": action,
+        "tier": tier,
+        "program": str(program),
+        "cwd": str(root),
+        "steps": steps,
+        "frames": frames,
     }
     assets.write(job.folder / "job.json", json.dumps(job.description, indent=1).encode("utf-8"))
     options = {"creationflags": subprocess.DETACHED_PROCESS} if os.name == "nt" else {"start_new_session": True}
     command = [sys.executable, "-I", "-S", str(Path(runner.__file__)), str(job.folder)]
     try:
-        with open(job.folder / "runner.log", "wb") as log:
+        with runner.open_own(job.folder / "runner.log") as log:
             job.process = subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, close_fds=True, **options
             )

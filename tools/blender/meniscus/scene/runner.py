@@ -42,8 +42,22 @@ def try_lock(file) -> bool:
 
 def write_state(folder: Path, state: dict) -> None:
     temporary = folder / f".state.{os.getpid()}.tmp"
-    temporary.write_text(json.dumps(state), encoding="utf-8")
+    with open_own(temporary) as file:
+        file.write(json.dumps(state).encode("utf-8"))
     os.replace(temporary, folder / "state.json")
+
+
+def open_own(path: Path):
+    """Opens a new file for writing in the place of what is there, which is not followed if it is a symbolic link."""
+    path.unlink(missing_ok=True)
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+    return os.fdopen(os.open(path, flags, 0o666), "wb")
+
+
+def open_lock(path: Path):
+    """Opens the lock, a regular file that is made if it is not there."""
+    flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0) | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    return os.fdopen(os.open(path, flags, 0o666), "r+b")
 
 
 class Runner:
@@ -56,7 +70,7 @@ class Runner:
     def start(self, arguments: list[str], log: str) -> subprocess.Popen:
         """Starts the engine with its messages in LOG.log and its results in LOG.out."""
         options = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP} if os.name == "nt" else {}
-        with open(self.folder / f"{log}.out", "wb") as out, open(self.folder / f"{log}.log", "wb") as messages:
+        with open_own(self.folder / f"{log}.out") as out, open_own(self.folder / f"{log}.log") as messages:
             command = [self.job["program"], *arguments]
             return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=out, stderr=messages, cwd=self.job["cwd"], **options)
 
@@ -121,7 +135,7 @@ class Runner:
 
 def main() -> int:
     folder = Path(sys.argv[1])
-    with open(folder / "lock", "a+b") as lock:
+    with open_lock(folder / "lock") as lock:
         # Blender looks at the lock for moments.
         for _ in range(20):
             if try_lock(lock):
