@@ -356,6 +356,10 @@ def check_refused(folder: Path) -> None:
     pool.scale.x = 0.0
     refused("a flat box", "Pool")
     pool.scale.x = 1.0
+    other = bpy.data.scenes.new("Other")
+    other.collection.objects.link(pool)
+    refused("two scenes with one folder", "scene Other")
+    bpy.data.scenes.remove(other)
     leaf = add("collider")
     leaf.data.clear_geometry()
     refused("a mesh without faces", "Collider", "no faces")

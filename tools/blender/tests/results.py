@@ -53,7 +53,9 @@ def stage_bodies(folder: Path) -> None:
     tank = bpy.data.objects["Tank"]
     tank.meniscus.collider.use_look, tank.meniscus.collider.look = True, "glass"
     start = {name: evaluated_points(bpy.data.objects[name], 1) for name in names}
-    bpy.ops.meniscus.simulate(wait=True)
+    bpy.ops.meniscus.simulate()
+    job, _ = wait(scene)
+    check(job.code == 0 and not job.error, "the job ends with its result", (job.code, job.error))
     for name in names:
         shown = result(scene, f"body:{name}")
         check(shown is not None and shown.data.materials[0].name == f"Paint {name}", f"{name} has a result with its own material")

@@ -25,6 +25,9 @@ class JobOperator:
         if job is not None and job.is_running:
             cls.poll_message_set("A job is running in this folder")
             return False
+        if context.mode.startswith("EDIT"):
+            cls.poll_message_set("Leave Edit Mode first: the mesh that is being edited is not final")
+            return False
         return True
 
     def begin(self, context: bpy.types.Context, action: str, changes: tuple[str, ...] = (), writes: bool = True) -> set[str]:

@@ -49,7 +49,12 @@ def write(context: bpy.types.Context) -> Written:
     notes: list[str] = []
     frames = sample.frame_numbers(context.scene)
     sources = sample.takes_part(context, notes)
-    folder = assets.Folder(folder_of(context.scene))
+    root = folder_of(context.scene)
+    others = [each for each in bpy.data.scenes if each != context.scene and any(one.meniscus.role != "NONE" for one in each.objects)]
+    same = [printable(each.name) for each in others if each.meniscus.folder == context.scene.meniscus.folder]
+    if same:
+        raise ShotError(f"{printable(root)}: is also the folder of the scene {same[0]}. Choose another in Properties > Scene > Meniscus")
+    folder = assets.Folder(root)
     folder.check_preset()
     scale = context.scene.unit_settings.scale_length
     camera = context.scene.camera

@@ -146,7 +146,8 @@ def make_classes() -> list[type]:
             description="Folder of the preset, its meshes and the shot. Relative to the .blend with //",
             default="//meniscus",
             subtype="DIR_PATH",
-            options={"ANIMATABLE", "PATH_SUPPORTS_BLEND_RELATIVE"},
+            options={"PATH_SUPPORTS_BLEND_RELATIVE"},
+            update=lambda shot, context: settings.updates["folder"](shot, context),
         )
         title: StringProperty(name="Title", description="The shot's name; empty: that of the scene")
         quality: EnumProperty(

@@ -12,7 +12,7 @@ import bpy
 
 from ..folder import read_limited
 from ..messages import ShotError, printable
-from . import preset, run, show
+from . import preset, run, settings, show
 
 POLL_SECONDS = 0.25
 # With nothing to read, so that a job that another program starts in the folder is seen.
@@ -48,8 +48,6 @@ def begin(scene: bpy.types.Scene, job: run.Job) -> None:
     key = str(job.root)
     jobs[key] = job
     arrivals.pop(key, None)
-    if job.action in RUNS and not bpy.app.background:
-        scene.render.use_lock_interface = True
     watch(scene, job)
     ensure_timer()
 
@@ -71,6 +69,9 @@ def ensure_timer() -> None:
 
 def tick() -> float | None:
     """One look at all jobs; the timer ends with the last of them."""
+    if bpy.app.is_job_running("RENDER"):
+        # A render reads the objects that would be changed.
+        return POLL_SECONDS
     is_busy = False
     for scene in bpy.data.scenes:
         job = job_of(scene)
@@ -109,7 +110,10 @@ def finish(scene: bpy.types.Scene, job: run.Job) -> None:
 
 
 def show_result(scene: bpy.types.Scene, job: run.Job) -> None:
-    with bpy.context.temp_override(scene=scene):
+    # A timer has no window, which operators of Blender's importers need.
+    window = next(iter(bpy.context.window_manager.windows), None)
+    places = {"window": window} if window else {}
+    with bpy.context.temp_override(**places, scene=scene, view_layer=scene.view_layers[0]):
         try:
             job.messages.extend(show.show_all(bpy.context, scene, job.shot))
         except ShotError as error:
@@ -171,16 +175,24 @@ def opened(*_) -> None:
     arrivals.clear()
     plans.clear()
     for scene in bpy.data.scenes:
-        root = root_of(scene)
-        job = run.attach(root) if root else None
-        if job is not None:
-            jobs[str(root)] = job
-            if job.is_running:
-                watch(scene, job)
-                ensure_timer()
+        find_job(scene)
+
+
+def find_job(scene: bpy.types.Scene) -> None:
+    """Takes the last job of a scene's folder, unless it is known."""
+    root = root_of(scene)
+    if root is None or str(root) in jobs:
+        return
+    job = run.attach(root)
+    if job is not None:
+        jobs[str(root)] = job
+        if job.is_running:
+            watch(scene, job)
+            ensure_timer()
 
 
 def register() -> None:
+    settings.updates["folder"] = lambda shot, _context: find_job(shot.id_data)
     bpy.app.handlers.load_post.append(opened)
 
 
