@@ -18,7 +18,7 @@ import harness
 from harness import ADDON, check, use_addon
 from scenes import empty, scene_module, sequence_input, tap, wait, water
 
-PAUSED_LAST = 40
+PAUSED_LAST = 24
 
 
 def failed(name: str, call, *parts: str, **options: object) -> None:

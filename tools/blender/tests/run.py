@@ -18,6 +18,7 @@ import subprocess
 import sys
 import tempfile
 import tomllib
+import zipfile
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
@@ -87,6 +88,15 @@ def check_build(tally: Tally, work: Path) -> Path:
     """Builds the zip twice and looks at its version."""
     first, second = build.build(work / "zip"), build.build(work / "again")
     tally.check(first.read_bytes() == second.read_bytes(), "the zip has the same bytes when built twice")
+    program = work / "program"
+    program.write_bytes(b"engine")
+    packed = [build.build(work / name, {"linux-x64": program}) for name in ("packed", "packed again")]
+    with zipfile.ZipFile(packed[0]) as archive:
+        names = archive.namelist()
+        has_engine = "engine/linux-x64/meniscus" in names and archive.read("engine/linux-x64/meniscus") == b"engine"
+    same = packed[0].read_bytes() == packed[1].read_bytes() and packed[0].name.endswith("-linux-x64.zip")
+    tally.check(has_engine and "scene/preset.schema.json" in names, "the zip has the schema, and the engine where one is packed", str(names))
+    tally.check(same, "a zip with an engine has the same bytes when built twice")
     cargo = tomllib.loads((TOOL.parent.parent / "Cargo.toml").read_text(encoding="utf-8"))
     wanted = f"meniscus-{cargo['package']['version']}.zip"
     tally.check(first.name == wanted, "extension and crate have one version", f"{first.name}, not {wanted}")

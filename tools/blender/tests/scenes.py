@@ -43,6 +43,8 @@ def tap(folder: Path, last: int = LAST_FRAME) -> bpy.types.Scene:
     scene = empty(folder)
     for kind in ("floor", "glass", "tap"):
         bpy.ops.meniscus.add(kind=kind)
+    # Voxels of 1.2 mm, which take a tenth of the time of the default.
+    bpy.data.objects["Glass"].meniscus.resolution = 64
     scene.frame_end, scene.render.fps = last, 24
     return scene
 

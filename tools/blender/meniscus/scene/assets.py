@@ -25,16 +25,16 @@ MAX_LIST_BYTES = 1 << 20
 PC2_VERSION = 1
 
 
-def ply(vertices: np.ndarray, faces: list[tuple[int, ...]]) -> bytes:
-    """A mesh as binary PLY: places as single precision, faces as lists of vertex numbers."""
+def ply(vertices: np.ndarray, faces: np.ndarray | list[tuple[int, ...]]) -> bytes:
+    """A mesh as binary PLY: places as single precision, faces as rows or lists of vertex numbers."""
     head = (
         "ply\nformat binary_little_endian 1.0\n"
         f"element vertex {len(vertices)}\nproperty float x\nproperty float y\nproperty float z\n"
         f"element face {len(faces)}\nproperty list uchar uint vertex_indices\nend_header\n"
     )
-    if all(len(face) == 3 for face in faces):
+    if isinstance(faces, np.ndarray):
         rows = np.empty(len(faces), np.dtype([("count", "u1"), ("corners", "<u4", 3)]))
-        rows["count"], rows["corners"] = 3, np.array(faces, np.uint32).reshape(-1, 3)
+        rows["count"], rows["corners"] = 3, faces
         body = rows.tobytes()
     else:
         body = b"".join(struct.pack(f"<B{len(face)}I", len(face), *face) for face in faces)

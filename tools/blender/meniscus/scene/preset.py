@@ -219,7 +219,7 @@ class Writer:
         for each in self.of("CLOTH"):
             name = each.role.asset
             matrix = each.matrices[0]
-            if each.geometry is None or not each.geometry.faces:
+            if each.geometry is None or not len(each.geometry.faces):
                 raise ShotError(f"{printable(each.source.name)}: has no faces, expected the mesh of a sheet. Give it a mesh")
             vertices = each.vertices[0].astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
             file = self.folder.add(f"{name}.ply", assets.ply(vertices, each.geometry.faces))

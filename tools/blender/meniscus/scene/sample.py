@@ -21,10 +21,10 @@ OUTPUT = "meniscus_output"
 
 @dataclass
 class Geometry:
-    """Vertices [scene units] in the object's axes, and faces as lists of vertices: triangles, of cloth also quads."""
+    """Vertices [scene units] in the object's axes, and faces: triangles as rows of vertex numbers, of cloth a list with quads."""
 
     vertices: np.ndarray
-    faces: list[tuple[int, ...]]
+    faces: np.ndarray | list[tuple[int, ...]]
 
 
 @dataclass
@@ -123,8 +123,11 @@ def sample(context: bpy.types.Context, sources: list[bpy.types.Object], frames: 
     """All objects in all frames; the scene is as before afterwards. Raises ShotError."""
     found = [Sampled(each, frames) for each in sources]
     size = 0
+    manager = context.window_manager
     with quiet(context, sources):
+        manager.progress_begin(0, len(frames))
         for index, frame in enumerate(frames):
+            manager.progress_update(index)
             context.scene.frame_set(frame)
             graph = context.evaluated_depsgraph_get()
             for each in found:
@@ -132,6 +135,7 @@ def sample(context: bpy.types.Context, sources: list[bpy.types.Object], frames: 
                 if size > MAX_BYTES:
                     text = f"more than {MAX_BYTES >> 30} GiB of vertices over {len(frames)} frames"
                     raise ShotError(f"{printable(each.source.name)}: {text}. Use simpler meshes that deform, or fewer frames")
+        manager.progress_end()
     return found
 
 
@@ -156,7 +160,8 @@ def look(each: Sampled, graph: bpy.types.Depsgraph, is_first: bool, scale: float
         return each.geometry.vertices.nbytes
     if role.role == "CLOTH" or not may_deform(each.source):
         return 0
-    vertices = geometry(evaluated, graph, keep_quads=False).vertices
+    with mesh_of(evaluated, graph) as mesh:
+        vertices = places(mesh, each.source.name)
     first = each.vertices[0]
     if len(vertices) != len(first):
         finding = f"{len(first)} vertices in frame {each.frames[0]}, {len(vertices)} in frame {each.frames[len(each.matrices) - 1]}"
@@ -177,30 +182,40 @@ def may_deform(source: bpy.types.Object) -> bool:
     return bool(source.modifiers or getattr(data, "shape_keys", None) or data.animation_data or source.type in ("META", "CURVE"))
 
 
-def geometry(evaluated: bpy.types.Object, graph: bpy.types.Depsgraph, keep_quads: bool) -> Geometry:
-    """The mesh of an evaluated object, triangulated; quads are kept where cloth wants them. Raises ShotError."""
-    name = printable(evaluated.name)
+@contextmanager
+def mesh_of(evaluated: bpy.types.Object, graph: bpy.types.Depsgraph) -> Iterator[bpy.types.Mesh]:
+    """The mesh of an evaluated object, for a moment. Raises ShotError."""
     try:
         mesh = evaluated.to_mesh(preserve_all_data_layers=False, depsgraph=graph)
     except RuntimeError:
         mesh = None
     if mesh is None:
-        raise ShotError(f"{name}: has no mesh, expected one for its role. Use a mesh object")
+        raise ShotError(f"{printable(evaluated.name)}: has no mesh, expected one for its role. Use a mesh object")
     try:
-        vertices = np.empty(3 * len(mesh.vertices), np.float32)
-        mesh.vertices.foreach_get("co", vertices)
-        if not np.all(np.isfinite(vertices)):
-            raise ShotError(f"{name}: a vertex is not at a number. Clean the mesh up")
-        if keep_quads and all(len(face.vertices) <= 4 for face in mesh.polygons):
-            faces = [tuple(face.vertices) for face in mesh.polygons]
-        else:
-            mesh.calc_loop_triangles()
-            corners = np.empty(3 * len(mesh.loop_triangles), np.int32)
-            mesh.loop_triangles.foreach_get("vertices", corners)
-            faces = list(map(tuple, corners.reshape(-1, 3).tolist()))
+        yield mesh
     finally:
         evaluated.to_mesh_clear()
-    return Geometry(vertices.reshape(-1, 3), faces)
+
+
+def places(mesh: bpy.types.Mesh, name: str) -> np.ndarray:
+    """The vertices of a mesh. Raises ShotError."""
+    vertices = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", vertices)
+    if not np.all(np.isfinite(vertices)):
+        raise ShotError(f"{printable(name)}: a vertex is not at a number. Clean the mesh up")
+    return vertices.reshape(-1, 3)
+
+
+def geometry(evaluated: bpy.types.Object, graph: bpy.types.Depsgraph, keep_quads: bool) -> Geometry:
+    """Vertices and triangles of an evaluated object; quads are kept where cloth wants them. Raises ShotError."""
+    with mesh_of(evaluated, graph) as mesh:
+        vertices = places(mesh, evaluated.name)
+        if keep_quads and all(len(face.vertices) <= 4 for face in mesh.polygons):
+            return Geometry(vertices, [tuple(face.vertices) for face in mesh.polygons])
+        mesh.calc_loop_triangles()
+        corners = np.empty(3 * len(mesh.loop_triangles), np.int32)
+        mesh.loop_triangles.foreach_get("vertices", corners)
+        return Geometry(vertices, corners.reshape(-1, 3))
 
 
 def pinned(each: Sampled) -> list[int]:

@@ -110,7 +110,7 @@ class Shaper:
 
     def mesh(self, each: Sampled, name: str) -> Placed:
         """A mesh file: at its place in the world if it rests, about its origin if it moves, with a point cache if it deforms."""
-        if each.geometry is None or not each.geometry.faces:
+        if each.geometry is None or not len(each.geometry.faces):
             raise ShotError(f"{printable(each.source.name)}: has no faces, expected a mesh that encloses a volume. Choose another shape")
         role = each.role.role
         found = poses.rigid_poses(each.matrices)
@@ -149,7 +149,7 @@ class Shaper:
         if shape == "EVERYWHERE":
             return Placed({}, moves)
         if shape == "MESH":
-            if each.geometry is None or not each.geometry.faces:
+            if each.geometry is None or not len(each.geometry.faces):
                 raise ShotError(f"{printable(each.source.name)}: has no faces, expected a mesh that encloses a volume. Choose another shape")
             vertices = each.vertices[0].astype(np.float64) * scale
             file = self.folder.add(f"{name}.ply", assets.ply(vertices, oriented(each, each.matrices[0])))
@@ -227,10 +227,10 @@ def box_shape(shape: str, box: Box) -> dict[str, object]:
     return {"ellipsoid": {"center": center, "radii": box.half().tolist()}}
 
 
-def oriented(each: Sampled, matrix: np.ndarray) -> list[tuple[int, ...]]:
-    """Faces counter-clockwise seen from outside, also of a mirrored object."""
+def oriented(each: Sampled, matrix: np.ndarray) -> np.ndarray:
+    """Triangles counter-clockwise seen from outside, also of a mirrored object."""
     faces = each.geometry.faces
-    return [face[::-1] for face in faces] if np.linalg.det(matrix[:3, :3]) < 0.0 else faces
+    return faces[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0.0 else faces
 
 
 def multiplied(one: tuple[float, ...], other: tuple[float, ...]) -> tuple[float, ...]:
