@@ -51,7 +51,8 @@ def turned(profile: list[tuple[float, float]]) -> Faces:
 def glass() -> Faces:
     radius, wall, floor, height = (GLASS[name] for name in ("radius", "wall", "floor", "height"))
     middle = height + wall / 4.0
-    return turned([(0, 0), (radius, 0), (radius, height), (radius - wall / 2.0, middle), (radius - wall, height), (radius - wall, floor), (0, floor)])
+    inner = radius - wall
+    return turned([(0, 0), (radius, 0), (radius, height), (radius - wall / 2.0, middle), (inner, height), (inner, floor), (0, floor)])
 
 
 def sphere(radius: float) -> Faces:
@@ -96,13 +97,25 @@ KINDS = {
     "tank": Kind("Tank", "A container for liquid: its inside", "CUBE", "COLLIDER", "TANK", lambda: box((-1, -0.5, 0), (1, 0.5, 1))),
     "pool": Kind("Pool", "Liquid at rest when the shot starts", "MOD_OCEAN", "FLUID", "BOX", lambda: box((-1, -0.5, 0), (1, 0.5, 0.3))),
     "drop": Kind("Drop", "A ball of liquid that falls", "MATFLUID", "FLUID", "SPHERE", lambda: sphere(0.2), place=(0, 0, 0.7)),
-    "inflow": Kind("Inflow", "A nozzle from which liquid flows", "FORWARD", "INFLOW", "DISC", lambda: disc(0.08), place=(0, 0, 0.5), turn=("Y", pi / 2)),
-    "tap": Kind("Tap", "Water that runs down out of a pipe", "TRIA_DOWN_BAR", "INFLOW", "DISC", lambda: disc(TAP_RADIUS), FINE, (0, 0, TAP_HEIGHT), DOWN),
-    "outflow": Kind("Outflow", "A volume that removes liquid", "TRACKING_BACKWARDS_SINGLE", "OUTFLOW", "BOX", lambda: box((-0.2, -0.2, 0), (0.2, 0.2, 0.1))),
+    "inflow": Kind(
+        "Inflow", "A nozzle from which liquid flows", "FORWARD", "INFLOW", "DISC",
+        lambda: disc(0.08), place=(0, 0, 0.5), turn=("Y", pi / 2),
+    ),
+    "tap": Kind(
+        "Tap", "Water that runs down out of a pipe", "TRIA_DOWN_BAR", "INFLOW", "DISC",
+        lambda: disc(TAP_RADIUS), FINE, (0, 0, TAP_HEIGHT), DOWN,
+    ),
+    "outflow": Kind(
+        "Outflow", "A volume that removes liquid", "TRACKING_BACKWARDS_SINGLE", "OUTFLOW", "BOX",
+        lambda: box((-0.2, -0.2, 0), (0.2, 0.2, 0.1)),
+    ),
     "collider": Kind("Collider", "A solid that may be animated", "MOD_PHYSICS", "COLLIDER", "MESH", lambda: sphere(0.2), place=(0, 0, 0.2)),
     "floor": Kind("Floor", "A floor without an edge", "MESH_PLANE", "COLLIDER", "PLANE", lambda: grid(4.0, 1), sets_spacing=False),
     "glass": Kind("Glass", "A drinking glass, 10 cm high", "MESH_CYLINDER", "COLLIDER", "MESH", glass, FINE),
-    "body": Kind("Body", "A crate that falls and floats", "RIGID_BODY", "BODY", "MESH", lambda: box((-0.15,) * 3, (0.15,) * 3), place=(0, 0, 0.6)),
+    "body": Kind(
+        "Body", "A crate that falls and floats", "RIGID_BODY", "BODY", "MESH",
+        lambda: box((-0.15,) * 3, (0.15,) * 3), place=(0, 0, 0.6),
+    ),
     "force": Kind("Force", "Accelerates liquid and cloth", "FORCE_FORCE", "FORCE", "EVERYWHERE", None, sets_spacing=False),
     "smoke": Kind("Smoke", "A source of smoke", "VOLUME_DATA", "SMOKE", "SPHERE", lambda: sphere(0.15), place=(0, 0, 0.15)),
     "cloth": Kind("Cloth", "A square of cloth", "MOD_CLOTH", "CLOTH", "MESH", lambda: grid(1.0, 40), place=(0, 0, 0.8)),

@@ -2,15 +2,22 @@
 """The buttons: each writes what it needs, starts a job of the engine, and returns at once."""
 
 import time
+from pathlib import Path
 
 import bpy
 from bpy.props import BoolProperty
 
-from ..messages import ShotError
+from ..messages import ShotError, printable
 from . import engine, preset, run, session, settings
 from .toml import inline
 
 WAIT_SECONDS = 0.05
+
+
+def check_free(root: Path) -> None:
+    """Raises ShotError while a job of any Blender reads the files of a folder."""
+    if run.is_locked(root / run.RUN):
+        raise ShotError(f"{printable(root)}: a job is running in this folder. Pause it, or wait for its end")
 
 
 class JobOperator:
@@ -37,8 +44,7 @@ class JobOperator:
             program, source = engine.find()
             root = preset.folder_of(scene)
             path = root / preset.assets.PRESET
-            if run.is_locked(root / run.RUN):
-                raise ShotError(f"{root}: a job is running in this folder. Pause it, or wait for its end")
+            check_free(root)
             follows = action in session.RUNS
             if writes:
                 written = preset.write(context)
@@ -154,6 +160,7 @@ class MENISCUS_OT_write(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
+            check_free(preset.folder_of(context.scene))
             written = preset.write(context)
         except ShotError as error:
             self.report({"ERROR"}, str(error))

@@ -132,9 +132,9 @@ class Writer:
         for each in self.of("COLLIDER"):
             placed = self.shaper.place(each, each.role.asset)
             found = self.values(each, "collider", "Collider")
-            surface_tension = self.shot.liquid.use_surface_tension
-            for key, has in (("friction", self.has_liquid), ("restitution", self.has_liquid), ("contact_angle", self.has_liquid and surface_tension)):
-                if key in found and not has:
+            has_tension = self.has_liquid and self.shot.liquid.use_surface_tension
+            for key in ("friction", "restitution", "contact_angle"):
+                if key in found and not (has_tension if key == "contact_angle" else self.has_liquid):
                     del found[key]
                     lacking = "no liquid" if not self.has_liquid else "no surface tension"
                     self.shaper.note(each, f"its {key.replace('_', ' ')} is left out, since the scene has {lacking}")
@@ -210,7 +210,8 @@ class Writer:
                 continue
             found = dict(self.values(each, "smoke", "Emitter"))
             if len(ranges) > 1:
-                raise ShotError(f"{printable(each.source.name)}: is switched on {len(ranges)} times, and smoke can start once. Use several objects")
+                finding = f"is switched on {len(ranges)} times, and smoke can start once"
+                raise ShotError(f"{printable(each.source.name)}: {finding}. Use several objects")
             if ranges:
                 found |= ranges[0]
             self.entry("smoke.emitter", each, self.shaper.place(each, each.role.asset), found)

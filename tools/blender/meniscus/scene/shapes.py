@@ -51,7 +51,8 @@ class Shaper:
         found = poses.rigid_poses(each.matrices)
         role = each.role.role
         if found is None:
-            raise ShotError(f"{printable(each.source.name)}: shears, or changes its size by axis or to zero. Apply its scale, or that of its parent")
+            finding = "shears, or changes its size by axis or to zero"
+            raise ShotError(f"{printable(each.source.name)}: {finding}. Apply its scale, or that of its parent")
         if poses.is_still(found):
             return found[:1]
         if role not in MOVING:
