@@ -107,6 +107,13 @@ class MENISCUS_OT_resume(JobOperator, bpy.types.Operator):
     bl_idname = "meniscus.resume"
     bl_label = "Resume"
 
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if session.job_of(context.scene) is None:
+            cls.poll_message_set("This folder has no job yet. Simulate first")
+            return False
+        return super().poll(context)
+
     def execute(self, context: bpy.types.Context) -> set[str]:
         job = session.job_of(context.scene)
         if job is not None and job.tier in ("draft", "preview", "final"):

@@ -133,7 +133,8 @@ class Shaper:
         """A mesh and the places of its vertices in every frame, both in the world."""
         if len(each.vertices) == 1:
             each.vertices = each.vertices * len(each.frames)
-        samples = [vertices @ matrix[:3, :3].T + matrix[:3, 3] for vertices, matrix in zip(each.vertices, each.matrices)]
+        moves = zip(each.vertices, each.matrices)
+        samples = [(vertices @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32) for vertices, matrix in moves]
         step = each.frames[1] - each.frames[0] if len(each.frames) > 1 else 1
         file = self.folder.add(f"{name}.ply", assets.ply(samples[0], oriented(each, each.matrices[0])))
         cache = self.folder.add(f"{name}.pc2", assets.pc2(samples, float(each.frames[0]), float(step)))
