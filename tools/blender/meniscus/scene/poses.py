@@ -4,7 +4,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from mathutils import Matrix
+from mathutils import Matrix, Quaternion
 
 # Rounding of matrices in single precision.
 TOLERANCE = 2e-5
@@ -55,6 +55,17 @@ def quaternion(turn: np.ndarray, before: tuple[float, ...]) -> tuple[float, floa
     if np.dot(found, before) < 0.0:
         found = -found
     return tuple(float(part) for part in found)
+
+
+def displacements(found: list[Pose]) -> list[Pose]:
+    """Poses for points whose places in the first frame are in the world, not about the shape's origin; without size."""
+    start = np.array(found[0].place)
+    moved = []
+    for pose in found:
+        turn = np.array(Quaternion(pose.quaternion).to_matrix())
+        place = np.array(pose.place) - turn @ start
+        moved.append(Pose(tuple(map(float, place)), pose.quaternion, 1.0))
+    return moved
 
 
 def is_still(poses: list[Pose]) -> bool:

@@ -18,6 +18,8 @@ from .toml import Document, Table
 EARTH = 9.81
 TIERS = ("draft", "preview")
 # Smoke's own volumes need no finer grid, and no terms of a liquid's surface.
+# Keys of forces that are vectors in the object's axes.
+FORCE_VECTORS = {"acceleration", "velocity"}
 SMOKE_SURFACE = {"voxel": 1.0, "kernel_radius": 3.0}
 
 
@@ -252,7 +254,7 @@ class Writer:
         if each.role.pin_stiffness > 0.0:
             values["stiffness"] = float(each.role.pin_stiffness)
         if moves:
-            values["keyframes"] = poses.keyframes(self.frames, [poses.Pose(pose.place, pose.quaternion, 1.0) for pose in found])
+            values["keyframes"] = poses.keyframes(self.frames, poses.displacements(found))
         self.document.table("sheet.pin", values, repeated=True)
 
     def couple(self, system: str, sheet: str, found: dict[str, object]) -> None:
@@ -281,7 +283,8 @@ class Writer:
             kind = next(choice for choice in schema.choices("ForceKind") if choice.name == each.role.kind)
             table = settings.values(getattr(each.role, f"kind_{kind.name}"), kind.name, self.scale, kind.keys)
             placed = self.shaper.force(each, each.role.asset)
-            for key, value in (("center", [0.0, 0.0, 0.0]), ("axis", [0.0, 0.0, 1.0])):
+            table = {name: clean_vector(placed.axes @ np.array(value)) if name in FORCE_VECTORS else value for name, value in table.items()}
+            for key, value in (("center", [0.0, 0.0, 0.0]), ("axis", placed.axes[:, 2].tolist())):
                 if any(one.name == key for one in kind.keys):
                     table = {key: value} | table
             values: dict[str, object] = {"kind": {kind.name: dict(table)}}
@@ -362,9 +365,9 @@ class Writer:
             factor = getattr(self.shot, tier)
             values = {}
             if self.has_liquid:
-                values["liquid.spacing"] = self.shot.liquid.spacing * self.scale * factor
+                values["liquid.spacing"] = settings.number(self.shot.liquid, "LiquidParams", "spacing", self.scale) * factor
             if self.has_smoke:
-                values["smoke.spacing"] = self.shot.smoke.spacing * self.scale * factor
+                values["smoke.spacing"] = settings.number(self.shot.smoke, "SmokeParams", "spacing", self.scale) * factor
             self.document.blank()
             self.document.lines.append(f"[quality.{tier}]")
             self.document.lines += [f"{key} = {toml.number(value)}" for key, value in values.items()]
@@ -372,4 +375,4 @@ class Writer:
 
 def clean_vector(vector: np.ndarray) -> list[float]:
     size = float(np.abs(vector).max())
-    return [0.0 if abs(part) < 1e-6 * size else float(part) for part in vector]
+    return [0.0 if abs(part) <= 1e-6 * size else float(part) for part in vector]

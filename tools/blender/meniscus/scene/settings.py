@@ -23,6 +23,8 @@ ANGLES = ("°", "deg")
 LITRES = "m³/s"
 # Keys whose place, shape and motion are those of objects, and those that this extension decides itself.
 WRITTEN = {"shape", "keyframes", "interpolation", "rate_keyframes", "strength_keyframes", "name", "kind", "systems", "on", "grain"}
+# Keys that are the object's own place, rotation and switch.
+OWN = {"BodyParams": {"position", "rotation"}, "Emitter": {"start", "end"}}
 # The schema gives a required key no default.
 STARTS = {
     "LiquidParams.spacing": 0.03,
@@ -71,7 +73,7 @@ def group(definition: str, inner: tuple[Key, ...] | None = None, skip: frozenset
         return made[definition]
     annotations = {}
     for key in inner if inner is not None else keys(definition):
-        if key.name in WRITTEN or key.name in skip or key.kind == "other":
+        if key.name in WRITTEN or key.name in skip or key.name in OWN.get(definition, ()) or key.kind == "other":
             continue
         path = f"{definition}.{key.name}"
         if key.is_optional:
@@ -165,10 +167,17 @@ def values(data: bpy.types.PropertyGroup, definition: str, scale: float, inner: 
             if inner_table or key.is_optional:
                 found[key.name] = inner_table
             continue
-        result = written(key, value, scale)
+        # What nobody changed is the reference's own value: it is in metres, whatever the scene's unit.
+        result = written(key, value, scale if data.is_property_set(key.name) else 1.0)
         if key.is_required or key.is_optional or not is_default(key, result):
             found[key.name] = result
     return found
+
+
+def number(data: bpy.types.PropertyGroup, definition: str, name: str, scale: float) -> float:
+    """One number of a group as the preset has it."""
+    key = next(key for key in keys(definition) if key.name == name)
+    return written(key, getattr(data, name), scale if data.is_property_set(name) else 1.0)
 
 
 def is_default(key: Key, result: object) -> bool:

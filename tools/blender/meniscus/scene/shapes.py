@@ -21,7 +21,7 @@ CHANGING = {"COLLIDER"}
 
 @dataclass
 class Placed:
-    """A shape, its keyframes, and the rotation from the object's axes to those in which the shape is written."""
+    """A shape, its keyframes, and the object's axes, as columns, in those in which the shape is written."""
 
     shape: dict[str, object]
     keyframes: list[dict[str, object]] = field(default_factory=list)
@@ -73,7 +73,7 @@ class Shaper:
         matrix = Matrix(each.matrices[0].tolist())
         _, turn, scale = matrix.decompose()
         axes = np.array(turn.to_matrix())
-        if np.abs(axes @ np.diag(scale) - each.matrices[0][:3, :3]).max() > TOLERANCE * max(map(abs, scale)):
+        if is_sheared(axes, scale, each.matrices[0]):
             raise ShotError(f"{name}: is sheared by its parent, so it is no {shape.lower()}. Choose the shape Mesh")
         low, high = self.bounds(each)
         ends = np.stack([low * scale, high * scale])
@@ -84,20 +84,24 @@ class Shaper:
         else:
             box.check(name, axes=3)
         is_still = len(found) == 1
-        if is_still and (written := round_shape(shape, box, axes, each)) is not None:
-            return Placed(written, [], axes)
+        shown = directions(each.matrices[0])
+        if is_still and (written := round_shape(shape, box, axes, shown, each)) is not None:
+            return Placed(written, [], shown)
         turned = np.abs(axes - np.eye(3)).max() > TOLERANCE
         if is_still and not turned:
-            return Placed(box_shape(shape, box.moved(each.matrices[0][:3, 3])))
+            return Placed(box_shape(shape, box.moved(each.matrices[0][:3, 3]), shown), [], shown)
         if each.role.role not in MOVING:
             return None
         if shape == "PLANE":
             if any(pose.quaternion != IDENTITY for pose in found):
                 raise ShotError(f"{name}: turns, and a plane can only move. Choose the shape Box or Mesh")
-            return Placed({"plane": {"point": [0.0, 0.0, 0.0], "normal": axes[:, 2].tolist()}}, poses.keyframes(each.frames, found), axes)
+            plane = {"plane": {"point": [0.0, 0.0, 0.0], "normal": clean(shown[:, 2])}}
+            return Placed(plane, poses.keyframes(each.frames, found), shown)
         start = poses.quaternion(axes, IDENTITY)
         turned_poses = [Pose(pose.place, multiplied(pose.quaternion, start), pose.size) for pose in found]
-        return Placed(box_shape(shape, box), poses.keyframes(each.frames, turned_poses))
+        # The keyframes turn the axes of the box: of a mirrored object they differ from its own by their signs.
+        own = axes.T @ shown
+        return Placed(box_shape(shape, box, own), poses.keyframes(each.frames, turned_poses), own)
 
     def bounds(self, each: Sampled) -> tuple[np.ndarray, np.ndarray]:
         """The bounding box in the object's axes [scene units], of an empty the extent of its display."""
@@ -125,9 +129,8 @@ class Shaper:
             start = matrix[:3, 3]
         vertices = each.vertices[0].astype(np.float64) @ matrix[:3, :3].T + start
         file = self.folder.add(f"{name}.ply", assets.ply(vertices, oriented(each, matrix)))
-        axes = np.array(Matrix(matrix.tolist()).to_quaternion().to_matrix())
         moves = poses.keyframes(each.frames, found) if len(found) > 1 else []
-        return Placed({"mesh": self.mesh_table(each, file)}, moves, axes)
+        return Placed({"mesh": self.mesh_table(each, file)}, moves, directions(matrix))
 
     def deforming(self, each: Sampled, name: str) -> Placed:
         """A mesh and the places of its vertices in every frame, both in the world."""
@@ -145,22 +148,26 @@ class Shaper:
         """The place and axes of a force as keyframes, and its volume in these axes; an empty shape acts everywhere."""
         found = self.motion(each)
         _, turn, scale = Matrix(each.matrices[0].tolist()).decompose()
-        start = poses.quaternion(np.array(turn.to_matrix()), IDENTITY)
+        axes = np.array(turn.to_matrix())
+        own = axes.T @ directions(each.matrices[0])
+        if is_sheared(axes, scale, each.matrices[0]):
+            self.note(each, "its shear is left out: the axes of a force are at right angles")
+        start = poses.quaternion(axes, IDENTITY)
         moves = poses.keyframes(each.frames, [Pose(pose.place, multiplied(pose.quaternion, start), 1.0) for pose in found])
         shape = each.role.shape
         if shape == "EVERYWHERE":
-            return Placed({}, moves)
+            return Placed({}, moves, own)
         if shape == "MESH":
             if each.geometry is None or not len(each.geometry.faces):
                 raise ShotError(f"{printable(each.source.name)}: has no faces, expected a mesh that encloses a volume. Choose another shape")
             vertices = each.vertices[0].astype(np.float64) * scale
             file = self.folder.add(f"{name}.ply", assets.ply(vertices, oriented(each, each.matrices[0])))
-            return Placed({"mesh": self.mesh_table(each, file)}, moves)
+            return Placed({"mesh": self.mesh_table(each, file)}, moves, own)
         low, high = self.bounds(each)
         ends = np.stack([low * scale, high * scale])
         box = Box(ends.min(0), ends.max(0))
         box.check(printable(each.source.name), axes=3)
-        return Placed(box_shape(shape, box), moves)
+        return Placed(box_shape(shape, box, own), moves, own)
 
     def mesh_table(self, each: Sampled, file: str) -> dict[str, object]:
         resolution = each.role.resolution
@@ -192,14 +199,25 @@ def is_round(half: np.ndarray) -> bool:
     return bool(half.max() - half.min() <= 1e-4 * half.max())
 
 
-def round_shape(shape: str, box: Box, axes: np.ndarray, each: Sampled) -> dict[str, object] | None:
+def directions(matrix: np.ndarray) -> np.ndarray:
+    """The axes of an object in the world as columns of unit length, of a mirrored object as it shows them."""
+    columns = matrix[:3, :3]
+    return columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-30)
+
+
+def is_sheared(axes: np.ndarray, scale: np.ndarray, matrix: np.ndarray) -> bool:
+    """Whether a matrix is more than a rotation and a scale by axis."""
+    return bool(np.abs(axes @ np.diag(scale) - matrix[:3, :3]).max() > TOLERANCE * max(map(abs, scale)))
+
+
+def round_shape(shape: str, box: Box, axes: np.ndarray, shown: np.ndarray, each: Sampled) -> dict[str, object] | None:
     """A shape that rests and needs no keyframe for a turn: plane, disc and ball."""
     place = each.matrices[0][:3, 3]
     center = (axes @ box.center() + place).tolist()
     if shape == "PLANE":
-        return {"plane": {"point": place.tolist(), "normal": clean(axes[:, 2])}}
+        return {"plane": {"point": place.tolist(), "normal": clean(shown[:, 2])}}
     if shape == "DISC":
-        return {"disc": {"center": center, "normal": clean(axes[:, 2])} | disc_size(box)}
+        return {"disc": {"center": center, "normal": clean(shown[:, 2])} | disc_size(box)}
     if shape == "SPHERE" and is_round(box.half()):
         return {"sphere": {"center": center, "radius": float(box.half().mean())}}
     return None
@@ -207,7 +225,8 @@ def round_shape(shape: str, box: Box, axes: np.ndarray, each: Sampled) -> dict[s
 
 def clean(direction: np.ndarray) -> list[float]:
     """A direction without the rounding of zeros and ones."""
-    return [float(round(part, 6)) for part in direction]
+    # The sum turns a negative zero into zero.
+    return [float(round(part, 6)) + 0.0 for part in direction]
 
 
 def disc_size(box: Box) -> dict[str, float]:
@@ -216,14 +235,14 @@ def disc_size(box: Box) -> dict[str, float]:
     return size | ({"thickness": float(2.0 * half[2])} if half[2] > 1e-6 * half[0] else {})
 
 
-def box_shape(shape: str, box: Box) -> dict[str, object]:
-    """A shape in the axes of its box."""
+def box_shape(shape: str, box: Box, own: np.ndarray) -> dict[str, object]:
+    """A shape in the axes of its box, in which the columns of `own` are those of the object."""
     corners = {"min": box.low.tolist(), "max": box.high.tolist()}
     if shape in ("BOX", "TANK"):
         return {shape.lower(): corners}
     center = box.center().tolist()
     if shape == "DISC":
-        return {"disc": {"center": center, "normal": [0.0, 0.0, 1.0]} | disc_size(box)}
+        return {"disc": {"center": center, "normal": clean(own[:, 2])} | disc_size(box)}
     if is_round(box.half()):
         return {"sphere": {"center": center, "radius": float(box.half().mean())}}
     return {"ellipsoid": {"center": center, "radii": box.half().tolist()}}

@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Tests of where a preset places things, inside Blender: pins, mirrored objects, unit scales, keyframes of settings, and names.
+
+run.py starts the stage in a process of its own. The engine checks no preset in here.
+"""
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Matrix, Quaternion
+
+import harness
+from harness import check
+from presets import add, fresh, noted, posed, refused, write, world_points
+from scenes import empty, scene_module
+
+MIRRORS = [(-1.0, 1.0, 1.0), (1.0, -1.0, 1.0), (1.0, 1.0, -1.0), (-1.0, -1.0, -1.0)]
+TURN = (0.3, 0.5, 0.2)
+
+
+def check_pins(folder: Path) -> None:
+    """Pinned points, whose rest places are in the world, are where Blender has them."""
+    scene = fresh(folder)
+    cloth = add("cloth", rotation_euler=(0.4, 0.0, 0.0))
+    cloth.vertex_groups.new(name="Held").add(list(range(41)), 1.0, "REPLACE")
+    cloth.meniscus.pins = "Held"
+    for frame, place, angle in ((1, (1.0, 2.0, 3.0), 0.0), (4, (2.0, 2.5, 3.0), 1.0)):
+        cloth.location, cloth.rotation_euler.z = place, angle
+        cloth.keyframe_insert("location", frame=frame)
+        cloth.keyframe_insert("rotation_euler", frame=frame)
+    data, _ = write(scene, accepted=False)
+    rest, keys = world_points(cloth, 1), data["sheet"][0]["pin"][0]["keyframes"]
+    errors = [np.abs(posed(rest, keys, frame) - world_points(cloth, frame)).max() for frame in range(1, 5)]
+    check(max(errors) < 1e-5, "pinned points are where Blender has them in every frame [m]", errors)
+
+
+def directions(shown: bpy.types.Object) -> np.ndarray:
+    """The object's axes in the world, as columns of unit length."""
+    bpy.context.view_layer.update()
+    matrix = np.array(shown.matrix_world)[:3, :3]
+    return matrix / np.linalg.norm(matrix, axis=0)
+
+
+def turned(entry: dict, vector: list[float]) -> np.ndarray:
+    """A vector of a shape in its first frame, in the world."""
+    keys = entry.get("keyframes")
+    return np.array(Quaternion(keys[0].get("quaternion", (1, 0, 0, 0))).to_matrix()) @ vector if keys else np.array(vector)
+
+
+def check_mirrored(folder: Path) -> None:
+    """A mirrored object has the normals, velocities and axes that Blender shows."""
+    for number, mirror in enumerate(MIRRORS):
+        for moves in (False, True):
+            scene = fresh(folder / f"{number} {moves}")
+            plane = add("floor", scale=mirror, rotation_euler=TURN)
+            disc, solid = add("inflow", scale=mirror, rotation_euler=TURN), add("inflow", scale=mirror, rotation_euler=TURN)
+            solid.data = bpy.data.objects["Pool"].data
+            solid.name, solid.meniscus.shape = "Solid", "MESH"
+            for each in (disc, solid):
+                each.meniscus.emitter.use_velocity, each.meniscus.emitter.velocity = True, (1.0, 2.0, 3.0)
+                each.meniscus.emitter.use_rate = False
+            force = add("force", scale=mirror, rotation_euler=TURN)
+            force.meniscus.kind = "uniform"
+            force.meniscus.kind_uniform.acceleration = (1.0, 2.0, 3.0)
+            for each in (plane, disc, solid, force) if moves else ():
+                each.keyframe_insert("location", frame=1)
+                each.location.x += 1.0
+                each.keyframe_insert("location", frame=4)
+            data, _ = write(scene, accepted=False)
+            scene.frame_set(1)
+            name = f"{mirror}, {'moving' if moves else 'at rest'}"
+            axes = directions(plane)
+            entry = data["world"]["collider"][0]
+            normal = turned(entry, entry["shape"]["plane"]["normal"])
+            check(np.allclose(normal, axes[:, 2], atol=1e-5), f"the normal of a plane: {name}", (normal, axes[:, 2]))
+            wanted = axes @ (1.0, 2.0, 3.0)
+            for entry in data["liquid"]["emitter"]:
+                found = turned(entry, entry["velocity"])
+                check(np.allclose(found, wanted, atol=1e-5), f"the velocity of a {list(entry['shape'])[0]}: {name}", (found, wanted))
+                if "disc" in entry["shape"]:
+                    normal = turned(entry, entry["shape"]["disc"]["normal"])
+                    check(np.allclose(normal, axes[:, 2], atol=1e-5), f"the normal of a disc: {name}", (normal, axes[:, 2]))
+            entry = data["force"][0]
+            found = turned(entry, entry["kind"]["uniform"]["acceleration"])
+            check(np.allclose(found, wanted, atol=1e-5), f"the acceleration of a force: {name}", (found, wanted))
+
+
+def check_units(folder: Path) -> None:
+    """Settings that were never changed are the reference's, whatever the unit scale; changed ones are in its units."""
+    scene = fresh(folder)
+    scene.unit_settings.scale_length = 0.01
+    scene.meniscus.use_whitewater = True
+    force = add("force")
+    force.meniscus.kind = "point"
+    data, _ = write(scene, accepted=False)
+    check(not data["whitewater"], "untouched settings of whitewater are left out", data["whitewater"])
+    check(np.isclose(data["force"][0]["kind"]["point"]["radius"], 0.1), "an untouched required length is in metres", data["force"][0])
+    force.meniscus.kind_point.radius = 20.0
+    data, _ = write(scene, accepted=False)
+    check(np.isclose(data["force"][0]["kind"]["point"]["radius"], 0.2), "a changed length is in the scene's units", data["force"][0])
+
+
+def check_playhead(folder: Path) -> None:
+    """The preset has the values of the first frame, wherever the playhead is; keyframes that it leaves out are reported."""
+    scene = fresh(folder)
+    nozzle = add("inflow")
+    nozzle.meniscus.emitter.use_velocity = True
+    camera = bpy.data.objects.new("View", bpy.data.cameras.new("View"))
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    for frame, value in ((1, 1.0), (4, 2.0)):
+        nozzle.meniscus.emitter.velocity = (value, 0.0, 0.0)
+        nozzle.keyframe_insert("meniscus.emitter.velocity", frame=frame)
+        scene.gravity = (0.0, 0.0, -value)
+        scene.keyframe_insert("gravity", frame=frame)
+        camera.data.lens = 40.0 * value
+        camera.data.keyframe_insert("lens", frame=frame)
+        scene.meniscus.liquid.density = 1000.0 * value
+        scene.keyframe_insert("meniscus.liquid.density", frame=frame)
+    path, texts, notes = folder / "meniscus" / "scene.toml", [], []
+    for frame in (1, 4):
+        scene.frame_set(frame)
+        data, notes = write(scene, accepted=False)
+        texts.append(path.read_bytes())
+        check(scene.frame_current == frame, "the playhead stays")
+    check(texts[0] == texts[1], "the preset does not depend on the playhead")
+    found = (data["world"]["gravity"][2], data["camera"]["focal_length"], data["liquid"].get("density", 1000.0))
+    check(np.allclose(found, (-1.0, 40.0, 1000.0)), "values are those of the first frame", found)
+    for parts in (("Inflow", "emitter velocity"), ("gravity",), ("View", "lens"), ("liquid density",)):
+        noted(notes, *parts, "first frame")
+
+
+def check_sources(folder: Path) -> None:
+    """A result finds its object by what the folder has, also after the .blend was closed without saving, and next to copies."""
+    scene = fresh(folder)
+    made = add("body")
+    bpy.ops.wm.save_mainfile()
+    write(scene, accepted=False)
+    copied = made.copy()
+    copied.name = "A Copy"
+    scene.collection.objects.link(copied)
+    show = scene_module("show")
+    found = show.Sources(folder / "meniscus").object(scene, "Body", "BODY")
+    check(found == made, "a copy is not taken for the object", found)
+    bpy.ops.wm.open_mainfile(filepath=bpy.data.filepath)
+    sources = show.Sources(folder / "meniscus")
+    found = sources.object(bpy.context.scene, "Body", "BODY")
+    check(found is not None and found.name == "Body", "an object is found after the file was closed without saving", found)
+    check(np.allclose(sources.start("Body"), Matrix.Translation((0.0, 0.0, 0.6))), "with its place in the first frame")
+    listed = folder / "meniscus" / "assets" / "objects.json"
+    for text in ("[]", '{"Body": 3}', '{"Body": {"object": "Body", "start": [1]}}', "{" * 5000, '{"Body": {"object": 1, "start": []}}'):
+        listed.write_text(text)
+        check(show.Sources(folder / "meniscus").object(bpy.context.scene, "Body", "BODY") is None, f"a broken list names no object: {text[:30]}")
+
+
+def check_body(folder: Path) -> None:
+    """Place and rotation of a body, start and end of smoke are the object's: no setting competes with them."""
+    empty(folder)
+    made = scene_module("settings").made
+    for definition, names in (("BodyParams", ("position", "rotation")), ("Emitter", ("start", "end"))):
+        found = [name for name in names if name in made[definition].bl_rna.properties]
+        check(not found, f"{definition} offers nothing that the object has itself", found)
+    check("velocity" in made["BodyParams"].bl_rna.properties, "a body has its velocity")
+
+
+def check_owner(folder: Path) -> None:
+    """A result is shown in the scene that started its job; two scenes with one folder are refused however it is written."""
+    first = fresh(folder)
+    second = bpy.data.scenes.new("Second")
+    second.meniscus.folder = str(folder / "meniscus")
+    session, run = scene_module("session"), scene_module("run")
+    shown: list[str] = []
+
+    class Ended(run.Job):
+        def update(self) -> bool:
+            self.is_running, self.code = False, 0
+            return True
+
+    job = Ended(folder / "meniscus")
+    job.description, job.is_running = {"action": "simulate", "scene": second.name}, True
+    before, session.show_result = session.show_result, lambda scene, _job: shown.append(scene.name)
+    try:
+        session.begin(second, job)
+        session.tick()
+    finally:
+        session.show_result = before
+    check(shown == ["Second"], "a result is shown in the scene that started the job", shown)
+    session.opened()
+    second.collection.objects.link(first.objects["Pool"])
+    refused("two scenes with one folder, written differently", "scene Second")
+
+
+def stage_placing(folder: Path) -> None:
+    check_pins(folder / "pins")
+    check_mirrored(folder / "mirrored")
+    check_units(folder / "units")
+    check_playhead(folder / "playhead")
+    check_body(folder / "body")
+    check_owner(folder / "owner")
+    check_sources(folder / "sources")
+
+
+if __name__ == "__main__":
+    harness.run(globals())
