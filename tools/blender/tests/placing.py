@@ -149,9 +149,10 @@ def check_sources(folder: Path) -> None:
     check(found is not None and found.name == "Body", "an object is found after the file was closed without saving", found)
     check(np.allclose(sources.start("Body"), Matrix.Translation((0.0, 0.0, 0.6))), "with its place in the first frame")
     listed = folder / "meniscus" / "assets" / "objects.json"
-    for text in ("[]", '{"Body": 3}', '{"Body": {"object": "Body", "start": [1]}}', "{" * 5000, '{"Body": {"object": 1, "start": []}}'):
+    entries = ("3", '{"object": "Body", "start": [1]}', '{"object": 1, "start": []}', '{"object": "Body", "start": [%s]}' % ", ".join(["NaN"] * 16))
+    for text in ("[]", "{" * 5000, '{"objects": []}', *(f'{{"objects": {{"Body": {entry}}}}}' for entry in entries)):
         listed.write_text(text)
-        check(show.Sources(folder / "meniscus").object(bpy.context.scene, "Body", "BODY") is None, f"a broken list names no object: {text[:30]}")
+        check(show.Sources(folder / "meniscus").object(bpy.context.scene, "Body", "BODY") is None, f"a broken list names no object: {text[:60]}")
 
 
 def check_body(folder: Path) -> None:

@@ -18,10 +18,11 @@ from ..messages import ShotError, printable
 
 ASSETS = "assets"
 LIST = "files.json"
+OBJECTS = "objects.json"
 PRESET = "scene.toml"
 MARK = "# Written by Meniscus for Blender."
 OWN_FILE = re.compile(r"[A-Za-z0-9_-]{1,63}\.(?:ply|pc2)")
-MAX_LIST_BYTES = 1 << 20
+MAX_LIST_BYTES, MAX_OBJECTS_BYTES = 1 << 20, 16 << 20
 PC2_VERSION = 1
 
 
@@ -80,13 +81,17 @@ class Folder:
             text = f"not written by this extension: its first line lacks `{MARK}`. Rename the file, or choose another folder"
             raise ShotError(f"{printable(path)}: {text}")
 
-    def finish(self, preset: str) -> tuple[Path, list[str]]:
-        """Writes the preset and removes files of objects that are gone; the preset's path, and the names of removed files."""
+    def finish(self, preset: str, objects: dict[str, object]) -> tuple[Path, list[str]]:
+        """Writes the preset and what it was made of, and removes files of objects that are gone.
+
+        Returns the preset's path, and the names of removed files.
+        """
         self.check_preset()
         earlier = self.listed()
         # Both lists, until the preset no longer names the earlier files.
         self.write_list(earlier | self.written)
         write(self.root / PRESET, preset.encode("utf-8"))
+        write(self.assets / OBJECTS, (json.dumps(objects, indent=1) + "\n").encode("ascii"))
         removed = [name for name in sorted(earlier - self.written) if self.remove(name)]
         self.write_list(self.written)
         return self.root / PRESET, removed
@@ -116,6 +121,18 @@ class Folder:
         except OSError as error:
             raise cannot_write(path, error) from None
         return True
+
+
+def read_objects(root: Path) -> dict:
+    """The .blend, scene and objects that the preset of a folder was made of; empty if that is not known."""
+    path = root / ASSETS / OBJECTS
+    if not path.is_file():
+        return {}
+    try:
+        found = json.loads(read_limited(path, MAX_OBJECTS_BYTES, "Remove it"))
+    except (ShotError, ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}
 
 
 def write(path: Path, content: bytes) -> None:

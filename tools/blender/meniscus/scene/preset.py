@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """Writes the preset of a scene: roles, settings, camera, frames and gravity as TOML, meshes as files next to it."""
 
+import os
 from dataclasses import dataclass
 from math import hypot
 from pathlib import Path
@@ -46,44 +47,80 @@ def folder_of(scene: bpy.types.Scene) -> Path:
     return path
 
 
-def write(context: bpy.types.Context) -> Written:
-    """Writes preset and assets of the scene into its folder. Raises ShotError."""
+def write(context: bpy.types.Context, takes_over: bool = False) -> Written:
+    """Writes preset and assets of the scene into its folder; `takes_over` one of another .blend. Raises ShotError."""
     notes: list[str] = []
     frames = sample.frame_numbers(context.scene)
     sources = sample.takes_part(context, notes)
     root = folder_of(context.scene)
-    others = [each for each in bpy.data.scenes if each != context.scene and any(one.meniscus.role != "NONE" for one in each.objects)]
-    same = [printable(each.name) for each in others if each.meniscus.folder == context.scene.meniscus.folder]
-    if same:
-        raise ShotError(f"{printable(root)}: is also the folder of the scene {same[0]}. Choose another in Properties > Scene > Meniscus")
+    check_owner(context.scene, root, takes_over)
     folder = assets.Folder(root)
     folder.check_preset()
     scale = context.scene.unit_settings.scale_length
     camera = context.scene.camera
-    found = sample.sample(context, sources + ([camera] if camera else []), frames, scale)
-    seen = found.pop() if camera else None
-    writer = Writer(context.scene, found, seen, scale, folder, notes)
-    path, removed = folder.finish(writer.text())
+    with sample.quiet(context, sources):
+        sampled = sample.sample(context, sources + ([camera] if camera else []), frames, scale, notes)
+        camera_samples = sampled.pop() if camera else None
+        writer = Writer(context.scene, sampled, camera_samples, scale, folder, notes)
+        text = writer.text()
+    objects = {each.asset: {"object": each.source.name, "start": each.matrices[0].ravel().tolist()} for each in sampled}
+    path, removed = folder.finish(text, {"blend": blend_from(root), "scene": context.scene.name, "objects": objects})
     return Written(path, notes, removed, writer.has_liquid)
+
+
+def blend_from(root: Path) -> str:
+    """The path of the .blend relative to a folder, so that both can be moved; empty if it is not saved."""
+    path = bpy.data.filepath
+    if not path:
+        return ""
+    try:
+        return os.path.relpath(os.path.realpath(path), os.path.realpath(root))
+    except ValueError:
+        # Another drive.
+        return os.path.realpath(path)
+
+
+def is_same(root: Path, blend: str) -> bool:
+    """Whether a path that `blend_from` made is that of this file."""
+    return os.path.normcase(blend) == os.path.normcase(blend_from(root))
+
+
+def check_owner(scene: bpy.types.Scene, root: Path, takes_over: bool) -> None:
+    """Raises ShotError if a folder is that of another scene, or of another .blend that still exists."""
+    place = os.path.normcase(os.path.realpath(root))
+    for each in bpy.data.scenes:
+        if each == scene or all(one.meniscus.role == "NONE" for one in each.objects):
+            continue
+        try:
+            is_shared = os.path.normcase(os.path.realpath(folder_of(each))) == place
+        except ShotError:
+            is_shared = False
+        if is_shared:
+            text = f"is also the folder of the scene {printable(each.name)}. Choose another in Properties > Scene > Meniscus"
+            raise ShotError(f"{printable(root)}: {text}")
+    blend = assets.read_objects(root).get("blend")
+    is_other = isinstance(blend, str) and bool(blend) and bool(bpy.data.filepath) and not is_same(root, blend)
+    if is_other and not takes_over and os.path.isfile(os.path.join(os.path.realpath(root), blend)):
+        text = f"is the folder of {printable(os.path.basename(blend))}. Choose another, or take it over with Write Preset"
+        raise ShotError(f"{printable(root)}: {text}")
 
 
 class Writer:
     """Composes the text of one preset."""
 
     def __init__(
-        self, scene: bpy.types.Scene, found: list[Sampled], seen: Sampled | None, scale: float, folder: assets.Folder, notes: list[str]
+        self, scene: bpy.types.Scene, sampled: list[Sampled], camera_samples: Sampled | None, scale: float, folder: assets.Folder, notes: list[str]
     ) -> None:
-        self.scene, self.shot, self.seen = scene, scene.meniscus, seen
+        self.scene, self.shot, self.camera_samples = scene, scene.meniscus, camera_samples
         self.frames, self.scale, self.notes = sample.frame_numbers(scene), scale, notes
         self.shaper = Shaper(folder, notes)
         self.folder = folder
         self.document = Document()
         self.roles: dict[str, list[Sampled]] = {}
         names = Names()
-        for each in found:
+        for each in sampled:
             self.roles.setdefault(each.role.role, []).append(each)
-            each.role.asset = names.unique(each.source.name)
-            each.role.start = each.matrices[0].ravel().tolist()
+            each.asset = names.unique(each.source.name)
         self.has_liquid = bool(self.roles.get("FLUID") or self.roles.get("INFLOW"))
         self.has_smoke, self.has_cloth, self.has_bodies = ("SMOKE" in self.roles, "CLOTH" in self.roles, "BODY" in self.roles)
 
@@ -132,7 +169,7 @@ class Writer:
             self.notes.append(f"{printable(scene.name)}: {text}")
         self.document.table("world", {"gravity": gravity})
         for each in self.of("COLLIDER"):
-            placed = self.shaper.place(each, each.role.asset)
+            placed = self.shaper.place(each, each.asset)
             found = self.values(each, "collider", "Collider")
             has_tension = self.has_liquid and self.shot.liquid.use_surface_tension
             for key in ("friction", "restitution", "contact_angle"):
@@ -158,21 +195,21 @@ class Writer:
             return
         self.document.table("liquid", settings.values(self.shot.liquid, "LiquidParams", self.scale))
         for each in self.of("FLUID"):
-            placed = self.shaper.place(each, each.role.asset)
+            placed = self.shaper.place(each, each.asset)
             self.entry("liquid.source", each, placed, self.values(each, "source", "LiquidSource"))
         for each in self.of("INFLOW"):
             self.inflow(each)
         for each in self.of("OUTFLOW"):
             ranges = self.ranges(each)
             if ranges is not None:
-                placed = self.shaper.place(each, each.role.asset)
+                placed = self.shaper.place(each, each.asset)
                 self.entry("liquid.outflow", each, placed, {"on": ranges} if ranges else {})
 
     def inflow(self, each: Sampled) -> None:
         ranges = self.ranges(each)
         if ranges is None:
             return
-        placed = self.shaper.place(each, each.role.asset)
+        placed = self.shaper.place(each, each.asset)
         found = dict(self.values(each, "emitter", "LiquidEmitter"))
         for key in ("velocity", "direction"):
             if key in found:
@@ -216,11 +253,11 @@ class Writer:
                 raise ShotError(f"{printable(each.source.name)}: {finding}. Use several objects")
             if ranges:
                 found |= ranges[0]
-            self.entry("smoke.emitter", each, self.shaper.place(each, each.role.asset), found)
+            self.entry("smoke.emitter", each, self.shaper.place(each, each.asset), found)
 
     def cloth(self) -> None:
         for each in self.of("CLOTH"):
-            name = each.role.asset
+            name = each.asset
             matrix = each.matrices[0]
             if each.geometry is None or not len(each.geometry.faces):
                 raise ShotError(f"{printable(each.source.name)}: has no faces, expected the mesh of a sheet. Give it a mesh")
@@ -237,10 +274,10 @@ class Writer:
         for each in self.of("CLOTH"):
             role = each.role
             if self.has_liquid and role.use_liquid:
-                self.couple("liquid", role.asset, {"friction": float(role.liquid_friction)} if role.liquid_friction > 0.0 else {})
+                self.couple("liquid", each.asset, {"friction": float(role.liquid_friction)} if role.liquid_friction > 0.0 else {})
             if self.has_smoke and role.use_air:
                 drag = settings.values(role.drag, "Drag", self.scale)
-                self.couple("smoke", role.asset, {"drag": dict(drag)} if drag else {})
+                self.couple("smoke", each.asset, {"drag": dict(drag)} if drag else {})
 
     def pins(self, each: Sampled) -> None:
         """Held points, which follow the animation of the object."""
@@ -248,6 +285,8 @@ class Writer:
         moves = found is not None and not poses.is_still(found)
         if found is None or (moves and not each.pins):
             self.shaper.note(each, "its animation is left out: cloth starts where the object is in the first frame, and only pins move")
+        if each.changes_later:
+            self.shaper.note(each, "its deformation is left out: cloth starts with the mesh of the first frame")
         if not each.pins:
             return
         values: dict[str, object] = {"at": {"points": each.pins}}
@@ -262,7 +301,7 @@ class Writer:
 
     def bodies(self) -> None:
         for each in self.of("BODY"):
-            placed = self.shaper.place(each, each.role.asset)
+            placed = self.shaper.place(each, each.asset)
             found = self.values(each, "body", "BodyParams")
             for key in ("liquid_friction", "contact_angle"):
                 if key in found and not (self.has_liquid and (key != "contact_angle" or self.shot.liquid.use_surface_tension)):
@@ -282,7 +321,7 @@ class Writer:
                 continue
             kind = next(choice for choice in schema.choices("ForceKind") if choice.name == each.role.kind)
             table = settings.values(getattr(each.role, f"kind_{kind.name}"), kind.name, self.scale, kind.keys)
-            placed = self.shaper.force(each, each.role.asset)
+            placed = self.shaper.force(each, each.asset)
             table = {name: clean_vector(placed.axes @ np.array(value)) if name in FORCE_VECTORS else value for name, value in table.items()}
             for key, value in (("center", [0.0, 0.0, 0.0]), ("axis", placed.axes[:, 2].tolist())):
                 if any(one.name == key for one in kind.keys):
@@ -290,7 +329,11 @@ class Writer:
             values: dict[str, object] = {"kind": {kind.name: dict(table)}}
             if placed.shape:
                 values["shape"] = placed.shape
-            values |= {key: value for key, value in self.values(each, "force", "ForceParams").items() if placed.shape or key != "falloff"}
+            found = self.values(each, "force", "ForceParams")
+            if "falloff" in found and not placed.shape:
+                self.shaper.note(each, "its falloff is left out, since it acts everywhere")
+                del found["falloff"]
+            values |= found
             if self.has_bodies or self.has_smoke:
                 values["systems"] = systems
             factors = [factor * on for factor, on in zip(each.factors, each.is_on)]
@@ -323,7 +366,7 @@ class Writer:
         if camera.type != "CAMERA" or camera.data.type != "PERSP":
             self.notes.append(f"{name}: left out of the preset, whose camera is one in perspective. The scene keeps it")
             return
-        matrices = self.seen.matrices
+        matrices = self.camera_samples.matrices
         if any(np.abs(matrix - matrices[0]).max() > 1e-6 for matrix in matrices):
             self.notes.append(f"{name}: moves; the preset has it where it is in the first frame. The scene keeps its animation")
         matrix = matrices[0]

@@ -2,7 +2,7 @@
 """The role of an object in a shot, its settings, and the settings of the scene, as properties of Blender."""
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from .. import colliders
 from . import schema, settings
@@ -116,10 +116,6 @@ def make_classes() -> list[type]:
         role: EnumProperty(name="Role", description="What the object does in the simulation", items=ROLES, update=role_changed)
         shape: EnumProperty(name="Shape", description="The shape that the engine uses in place of the object", items=shape_items)
         is_marker: BoolProperty()
-        # Name of its files and of its outputs in the shot, as the preset was written last.
-        asset: StringProperty()
-        # World matrix in the first frame, row by row, with lengths in metres.
-        start: FloatVectorProperty(size=16)
         is_on: BoolProperty(name="On", description="Whether it acts; keyframes switch it on and off", default=True)
         resolution: IntProperty(
             name="Resolution", description=scene_key("MeshShape", "resolution"), min=8, max=1024, default=128

@@ -10,6 +10,7 @@ import numpy as np
 
 from .. import nodes
 from ..messages import ShotError, printable
+from .changes import Changes
 
 GEOMETRY = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 # Frames of a scene that are looked at; an engine's frame takes seconds.
@@ -41,6 +42,10 @@ class Sampled:
     factors: list[float] = field(default_factory=list)
     is_on: list[bool] = field(default_factory=list)
     pins: list[int] = field(default_factory=list)
+    # Name of its files and of its outputs in the shot.
+    asset: str = ""
+    # Whether a mesh of which only the first frame is kept has another shape later.
+    changes_later: bool = False
 
     @property
     def role(self):
@@ -119,33 +124,50 @@ def quiet(context: bpy.types.Context, sources: list[bpy.types.Object]) -> Iterat
         scene.frame_set(before[0], subframe=before[1])
 
 
-def sample(context: bpy.types.Context, sources: list[bpy.types.Object], frames: list[int], scale: float) -> list[Sampled]:
-    """All objects in all frames; the scene is as before afterwards. Raises ShotError."""
+def sample(context: bpy.types.Context, sources: list[bpy.types.Object], frames: list[int], scale: float, notes: list[str]) -> list[Sampled]:
+    """All objects in all frames, inside of `quiet`; the scene is in the first frame afterwards. Raises ShotError."""
     found = [Sampled(each, frames) for each in sources]
-    size = 0
+    changes, size = Changes(context.scene, sources), 0
     manager = context.window_manager
-    with quiet(context, sources):
-        manager.progress_begin(0, len(frames))
+    manager.progress_begin(0, len(frames))
+    try:
         for index, frame in enumerate(frames):
             manager.progress_update(index)
             context.scene.frame_set(frame)
             graph = context.evaluated_depsgraph_get()
+            if index == 0:
+                notes += instances(graph, sources)
+            changes.look(graph, index == 0)
             for each in found:
-                size += look(each, graph, index == 0, scale)
+                size += sample_frame(each, graph, index == 0, scale)
                 if size > MAX_BYTES:
                     text = f"more than {MAX_BYTES >> 30} GiB of vertices over {len(frames)} frames"
                     raise ShotError(f"{printable(each.source.name)}: {text}. Use simpler meshes that deform, or fewer frames")
+    finally:
         manager.progress_end()
+    notes += changes.notes()
+    # Settings are read in the first frame, wherever the playhead is.
+    context.scene.frame_set(frames[0])
     return found
 
 
-def look(each: Sampled, graph: bpy.types.Depsgraph, is_first: bool, scale: float) -> int:
+def instances(graph: bpy.types.Depsgraph, sources: list[bpy.types.Object]) -> list[str]:
+    """Notes on instances that objects with a role make, such as those of geometry nodes."""
+    counts = dict.fromkeys((each.name for each in sources), 0)
+    for each in graph.object_instances:
+        if each.is_instance and each.parent is not None and each.parent.name in counts:
+            counts[each.parent.name] += 1
+    text = "instance(s) are left out: only its own mesh takes part. Realize them in its geometry nodes, or make them real"
+    return [f"{printable(name)}: its {count} {text}" for name, count in counts.items() if count]
+
+
+def sample_frame(each: Sampled, graph: bpy.types.Depsgraph, is_first: bool, scale: float) -> int:
     """Adds one frame of an object; returns the bytes of the vertices that are kept."""
     evaluated = each.source.evaluated_get(graph)
     matrix = np.array(evaluated.matrix_world, dtype=np.float64)
     matrix[:3, :] *= scale
     if not np.all(np.isfinite(matrix)):
-        raise ShotError(f"{printable(each.source.name)}: its place is not a number. Check its animation")
+        raise ShotError(f"{printable(each.source.name)}: its world matrix has a NaN or an infinite number. Check its animation")
     each.matrices.append(matrix)
     role = evaluated.meniscus
     each.is_on.append(bool(role.is_on))
@@ -158,11 +180,14 @@ def look(each: Sampled, graph: bpy.types.Depsgraph, is_first: bool, scale: float
         each.vertices = [each.geometry.vertices]
         each.pins = pinned(each) if role.role == "CLOTH" else []
         return each.geometry.vertices.nbytes
-    if role.role == "CLOTH" or not may_deform(each.source):
+    if not may_deform(each.source) or each.changes_later:
         return 0
     with mesh_of(evaluated, graph) as mesh:
         vertices = places(mesh, each.source.name)
     first = each.vertices[0]
+    if role.role == "CLOTH":
+        each.changes_later = not np.array_equal(vertices, first)
+        return 0
     if len(vertices) != len(first):
         finding = f"{len(first)} vertices in frame {each.frames[0]}, {len(vertices)} in frame {each.frames[len(each.matrices) - 1]}"
         raise ShotError(f"{printable(each.source.name)}: {finding}. A shape that changes over time needs the same vertices in every frame")
@@ -179,7 +204,8 @@ def look(each: Sampled, graph: bpy.types.Depsgraph, is_first: bool, scale: float
 def may_deform(source: bpy.types.Object) -> bool:
     """Whether the mesh of an object can change over time."""
     data = source.data
-    return bool(source.modifiers or getattr(data, "shape_keys", None) or data.animation_data or source.type in ("META", "CURVE"))
+    is_bent = source.parent is not None and source.parent_type in ("ARMATURE", "LATTICE")
+    return bool(is_bent or source.modifiers or getattr(data, "shape_keys", None) or data.animation_data or source.type in ("META", "CURVE"))
 
 
 @contextmanager
@@ -202,7 +228,7 @@ def places(mesh: bpy.types.Mesh, name: str) -> np.ndarray:
     vertices = np.empty(3 * len(mesh.vertices), np.float32)
     mesh.vertices.foreach_get("co", vertices)
     if not np.all(np.isfinite(vertices)):
-        raise ShotError(f"{printable(name)}: a vertex is not at a number. Clean the mesh up")
+        raise ShotError(f"{printable(name)}: a vertex has a NaN or an infinite coordinate. Clean the mesh up")
     return vertices.reshape(-1, 3)
 
 

@@ -18,6 +18,7 @@ from ..headers import check_ply
 from ..messages import ShotError, printable
 from ..motion import Motion, read_motion
 from ..shot import FRAME_NUMBER, MAX_SCENE_FRAME, Frames, MeshOutput, PointsOutput, Shot, below, format_string, read_shot
+from . import assets
 from .sample import OUTPUT
 
 COLLECTION = "Meniscus Shot"
@@ -105,30 +106,46 @@ def show_all(context: bpy.types.Context, scene: bpy.types.Scene, folder: Path) -
     frames = check_files(shot, files, notes.append)
     path = outputs.shot_folder(files.root, "AUTO")
     outputs.check_paths(shot, path)
+    sources = Sources(folder.parent)
     for output in (*shot.meshes, *shot.points):
         sequence(scene, output, path)
     for output in shot.volumes:
         adopt(scene, volumes.add_volume(context, output, path, frames[output]), f"volume:{output.name}")
     for sheet in shot.sheets:
-        show_cloth(context, scene, sheet, files, path)
-    show_solids(context, scene, shot, files, path)
+        show_cloth(context, scene, sheet, sources, files, path)
+    show_solids(context, scene, shot, sources, files, path)
     return notes
 
 
-def source_of(scene: bpy.types.Scene, asset: str, role: str) -> bpy.types.Object | None:
-    """The object whose files and outputs have a name."""
-    return next((each for each in scene.objects if each.meniscus.role == role and each.meniscus.asset == asset), None)
+class Sources:
+    """The objects that the preset of a folder was made of, by the names of their files and outputs."""
+
+    def __init__(self, root: Path) -> None:
+        objects = assets.read_objects(root).get("objects")
+        self.objects: dict[str, dict] = objects if isinstance(objects, dict) else {}
+
+    def object(self, scene: bpy.types.Scene, asset: str, role: str) -> bpy.types.Object | None:
+        """The object of a name, unless it is gone, has another role now, or the list is broken."""
+        entry = self.objects.get(asset)
+        name = entry.get("object") if isinstance(entry, dict) else None
+        found = scene.objects.get(name) if isinstance(name, str) else None
+        return found if found is not None and found.meniscus.role == role and self.start(asset) is not None else None
+
+    def start(self, asset: str) -> Matrix | None:
+        """The world matrix in the first frame, with lengths in metres."""
+        values = self.objects[asset].get("start")
+        is_sound = isinstance(values, list) and len(values) == 16 and all(type(one) in (int, float) and abs(one) < 1e9 for one in values)
+        return Matrix(np.array(values, np.float64).reshape(4, 4).tolist()) if is_sound else None
 
 
-def copy_of(context: bpy.types.Context, source: bpy.types.Object, name: str, place: bool) -> bpy.types.Object:
+def copy_of(context: bpy.types.Context, source: bpy.types.Object, start: Matrix, place: bool) -> bpy.types.Object:
     """A new object with the source's mesh, its modifiers applied, materials and all, in metres as its asset was written."""
     graph = context.evaluated_depsgraph_get()
     mesh = bpy.data.meshes.new_from_object(source.evaluated_get(graph), preserve_all_data_layers=True, depsgraph=graph)
-    start = Matrix(np.array(source.meniscus.start).reshape(4, 4).tolist())
     mesh.transform(start if place else start.to_3x3().to_4x4())
     if start.to_3x3().determinant() < 0.0:
         mesh.flip_normals()
-    return bpy.data.objects.new(name, mesh)
+    return bpy.data.objects.new(f"{source.name} Simulated", mesh)
 
 
 def put_aside(source: bpy.types.Object, layer: bpy.types.ViewLayer) -> None:
@@ -138,12 +155,12 @@ def put_aside(source: bpy.types.Object, layer: bpy.types.ViewLayer) -> None:
         source.hide_set(True, view_layer=layer)
 
 
-def show_cloth(context: bpy.types.Context, scene: bpy.types.Scene, sheet, files: ShotFolder, path: str) -> None:
-    source, key = source_of(scene, sheet.name, "CLOTH"), f"sheet:{sheet.name}"
+def show_cloth(context: bpy.types.Context, scene: bpy.types.Scene, sheet, sources: Sources, files: ShotFolder, path: str) -> None:
+    source, key = sources.object(scene, sheet.name, "CLOTH"), f"sheet:{sheet.name}"
     cache = below(path, sheet.cache)
     made = None
     if source is not None:
-        made = copy_of(context, source, f"{source.name} Simulated", place=True)
+        made = copy_of(context, source, sources.start(sheet.name), place=True)
         if len(made.data.vertices) == check_ply(files, sheet.rest):
             sheets.deform(made, cache, sheet.frames.first, sheet.frames.step)
         else:
@@ -158,14 +175,14 @@ def show_cloth(context: bpy.types.Context, scene: bpy.types.Scene, sheet, files:
         put_aside(source, context.view_layer)
 
 
-def show_solids(context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, files: ShotFolder, path: str) -> None:
+def show_solids(context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, sources: Sources, files: ShotFolder, path: str) -> None:
     """Bodies where the simulation moved them, and tanks with a look; the scene has the other colliders."""
     for output in shot.colliders:
-        source = source_of(scene, output.name, "BODY")
+        source = sources.object(scene, output.name, "BODY")
         motion = read_motion(files, output.motion)
         check_cache(output, motion, files)
         if source is not None:
-            made = copy_of(context, source, f"{source.name} Simulated", place=False)
+            made = copy_of(context, source, sources.start(output.name), place=False)
             if not len(made.data.materials):
                 made.data.materials.append(colliders.matte())
             moved(made, motion, scene.unit_settings.scale_length)
