@@ -28,6 +28,8 @@ HANG_SECONDS = 900
 SCENES = {
     "scenes.py": ["tap"],
     "presets.py": ["presets"],
+    "placing.py": ["placing"],
+    "logs.py": ["logs"],
     "jobs.py": ["jobs", "closed", "engine"],
     "results.py": ["bodies", "cloth", "panels"],
 }

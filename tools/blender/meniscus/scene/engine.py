@@ -3,7 +3,6 @@
 
 import os
 import platform
-import shutil
 import stat
 import sys
 from pathlib import Path
@@ -76,12 +75,18 @@ def find() -> tuple[Path, str]:
         looked.append(f"{printable(packed)}, which cannot be made executable")
     else:
         looked.append(f"{printable(packed)}")
-    found = shutil.which(PROGRAM)
+    found = on_path()
     if found:
-        return Path(found).absolute(), "PATH"
+        return found, "PATH"
     looked.append("the PATH")
     text = f"The engine was not found. Looked for {'; '.join(looked)}"
     raise ShotError(f"{text}. Install it, or choose it in Preferences > Add-ons > Meniscus > Engine")
+
+
+def on_path() -> Path | None:
+    """The program in the first folder of the PATH that has it. Relative folders and the current one are not trusted."""
+    folders = [folder for folder in os.get_exec_path() if os.path.isabs(folder)]
+    return next((path for folder in folders if is_program(path := Path(folder) / PROGRAM)), None)
 
 
 def is_program(path: Path) -> bool:

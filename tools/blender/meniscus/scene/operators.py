@@ -17,6 +17,8 @@ WAIT_SECONDS = 0.05
 def check_free(root: Path) -> None:
     """Raises ShotError while a job of any Blender reads the files of a folder."""
     if run.is_locked(root / run.RUN):
+        # It may be one of another Blender, which this one has not seen.
+        session.saved_again()
         raise ShotError(f"{printable(root)}: a job is running in this folder. Pause it, or wait for its end")
 
 
@@ -45,7 +47,8 @@ class JobOperator:
             root = preset.folder_of(scene)
             path = root / preset.assets.PRESET
             check_free(root)
-            follows = action in session.RUNS
+            follows, tier = action in session.RUNS, shot.quality
+            frames = [scene.frame_start, scene.frame_end, scene.frame_step]
             if writes:
                 written = preset.write(context)
                 for note in written.notes:
@@ -56,13 +59,14 @@ class JobOperator:
             elif action == "resume":
                 earlier = session.job_of(scene)
                 follows = follows and earlier is not None and any("follow" in step for step in earlier.description.get("steps", []))
-            steps = run.steps_of(action, shot.quality, path, list(changes), shot.threads, follows)
-            frames = [scene.frame_start, scene.frame_end, scene.frame_step]
-            job = run.start(root, program, action, shot.quality, steps, frames)
+                # The preset as it was written last has the frames of that job, not those that the scene has now.
+                frames = earlier.description.get("frames", frames) if earlier is not None else frames
+            steps = run.steps_of(action, tier, path, list(changes), shot.threads, follows)
+            job = run.start(root, program, action, tier, steps, frames, preset.blend_from(root), scene.name)
         except ShotError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        self.report({"INFO"}, f"Started {action.replace('_', ' ')} of {path.name} at {shot.quality} with the engine of {source}")
+        self.report({"INFO"}, f"Started {action.replace('_', ' ')} of {path.name} at {tier} with the engine of {source}")
         session.begin(scene, job)
         if self.wait:
             self.wait_for(scene, job)
@@ -168,7 +172,7 @@ class MENISCUS_OT_write(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
             check_free(preset.folder_of(context.scene))
-            written = preset.write(context)
+            written = preset.write(context, takes_over=True)
         except ShotError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
@@ -203,6 +207,7 @@ class MENISCUS_OT_show(bpy.types.Operator):
 
     bl_idname = "meniscus.show"
     bl_label = "Show Result"
+    bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         scene = context.scene

@@ -12,6 +12,7 @@ import sys
 import time
 import uuid
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -22,7 +23,7 @@ from . import assets, runner
 RUN, SHOWN_MESSAGES = "run", 200
 MAX_STATE_BYTES, MAX_PLAN_BYTES = 1 << 16, 4 << 20
 # Read from a log at once: a second of the fastest engine has some kilobytes.
-MAX_READ = 1 << 18
+MAX_READ, MAX_LOG = 1 << 18, 1 << 26
 MAX_LINE = 1 << 16
 # A job has its lock after this time, or has not started.
 START_SECONDS = 30.0
@@ -52,6 +53,15 @@ class Log:
     def __init__(self, path: Path) -> None:
         self.path, self.offset, self.rest = path, 0, b""
 
+    def all_lines(self) -> Iterator[list[str]]:
+        """What is left of the log of a job that has ended, part by part."""
+        offset = -1
+        while self.offset != offset and self.offset < MAX_LOG:
+            offset = self.offset
+            yield self.lines()
+        if self.offset >= MAX_LOG:
+            yield [f"{self.path.name}: longer than {MAX_LOG >> 20} MiB; the rest is not shown"]
+
     def lines(self) -> list[str]:
         if not self.path.is_file():
             return []
@@ -74,7 +84,9 @@ class Progress:
 
     job: str = ""
     percent: float = 0.0
+    # Of the first look that found some, and when that was.
     first_percent: float | None = None
+    first_time: float = 0.0
     frames: set[int] = field(default_factory=set)
 
     def add(self, event: str, data: dict) -> None:
@@ -82,13 +94,16 @@ class Progress:
             self.job, self.percent, self.first_percent = str(data.get("text", "")).partition(":")[0], 0.0, None
         elif event == "progress" and isinstance(data.get("percent"), (int, float)):
             self.percent = min(max(float(data["percent"]), 0.0), 100.0)
-            if self.first_percent is None:
-                self.first_percent = self.percent
         elif event == "frame":
             _, _, number = str(data.get("text", "")).partition("frame ")
             digits = number.split(" ")[0]
             if digits.isdecimal() and len(digits) < 10:
                 self.frames.add(int(digits))
+
+    def end_look(self) -> None:
+        """A look at the log has ended: speed counts from the first that found a percentage, which may be that of earlier frames."""
+        if self.first_percent is None and self.percent > 0.0:
+            self.first_percent, self.first_time = self.percent, time.time()
 
 
 class Job:
@@ -105,6 +120,11 @@ class Job:
         self.state: dict = {}
         self.logs: dict[str, Log] = {}
         self.progress: dict[str, Progress] = {}
+
+    @property
+    def owner(self) -> str:
+        """The .blend and scene that started the job."""
+        return f"{os.path.basename(str(self.description.get('blend') or 'another Blender'))}, {self.description.get('scene', '')}"
 
     @property
     def tier(self) -> str:
@@ -136,9 +156,9 @@ class Job:
         state = read_json(self.folder / "state.json", MAX_STATE_BYTES)
         is_of_job = state.get("id") == self.description.get("id")
         self.state = state if is_of_job else {}
+        self.is_running = (locked and is_of_job) or self.is_starting(is_of_job)
         for name in [SURFACES, PROBLEMS, *(step["name"] for step in self.description.get("steps", []))]:
             self.read(name)
-        self.is_running = (locked and is_of_job) or self.is_starting(is_of_job)
         if not self.is_running:
             code = self.state.get("code")
             self.code = code if isinstance(code, int) else None
@@ -160,7 +180,8 @@ class Job:
         """Takes the new events of one log."""
         log = self.logs.setdefault(name, Log(self.folder / f"{name}.log"))
         progress = self.progress.setdefault(name, Progress())
-        for line in log.lines():
+        parts = [log.lines()] if self.is_running else log.all_lines()
+        for line in (line for part in parts for line in part):
             try:
                 entry = json.loads(line)
                 event, data = entry["event"], entry["data"]
@@ -175,6 +196,7 @@ class Job:
             # Several commands of a job note the same.
             if event == "note" and text not in self.messages:
                 self.messages.append(text)
+        progress.end_look()
 
     def reason(self) -> str:
         """Why a job ended without its result."""
@@ -192,12 +214,11 @@ class Job:
         return self.progress.get(self.step, Progress()).percent
 
     def eta(self) -> float | None:
-        """Seconds until the end of the step at the mean speed until now; None if that is not known."""
-        progress, started = self.progress.get(self.step), self.state.get("step_started")
-        if progress is None or progress.first_percent is None or not isinstance(started, (int, float)):
+        """Seconds until the end of the step at the mean speed since the first look; None if that is not known."""
+        progress = self.progress.get(self.step)
+        if progress is None or progress.first_percent is None:
             return None
-        done = progress.percent - min(progress.first_percent, 10.0)
-        elapsed = time.time() - started
+        done, elapsed = progress.percent - progress.first_percent, time.time() - progress.first_time
         return elapsed * (100.0 - progress.percent) / done if done > 1.0 and elapsed > 2.0 else None
 
     def surfaces(self) -> set[int]:
@@ -232,8 +253,8 @@ def read_json(path: Path, limit: int) -> dict:
     return data if isinstance(data, dict) else {}
 
 
-def start(root: Path, program: Path, action: str, tier: str, steps: list[dict], frames: list[int]) -> Job:
-    """Starts a job of the folder. Raises ShotError if one is running, or the folder cannot be written."""
+def start(root: Path, program: Path, action: str, tier: str, steps: list[dict], frames: list[int], blend: str = "", scene: str = "") -> Job:
+    """Starts a job of the folder for a scene of a .blend. Raises ShotError if one is running, or the folder cannot be written."""
     job = Job(root)
     try:
         job.folder.mkdir(parents=True, exist_ok=True)
@@ -259,9 +280,13 @@ def start(root: Path, program: Path, action: str, tier: str, steps: list[dict], 
         "cwd": str(root),
         "steps": steps,
         "frames": frames,
+        "blend": blend,
+        "scene": scene,
     }
     assets.write(job.folder / "job.json", json.dumps(job.description, indent=1).encode("utf-8"))
-    options = {"creationflags": subprocess.DETACHED_PROCESS} if os.name == "nt" else {"start_new_session": True}
+    # A console without a window: a process without any cannot send the event that stops the engine.
+    flags = {"creationflags": subprocess.CREATE_NO_WINDOW | subprocess.CREATE_NEW_PROCESS_GROUP} if os.name == "nt" else {}
+    options = flags or {"start_new_session": True}
     command = [sys.executable, "-I", "-S", str(Path(runner.__file__)), str(job.folder)]
     try:
         with runner.open_own(job.folder / "runner.log") as log:

@@ -8,6 +8,7 @@ to a log, and its own state to FOLDER/state.json. A file FOLDER/stop ends the jo
 keeps its frames. Nothing but Python's standard library in here.
 """
 
+import errno
 import json
 import os
 import signal
@@ -21,6 +22,9 @@ PROBLEMS = "problems"
 POLL_SECONDS = 0.1
 # Longer than the engine takes to come to an end after its signal: it leaves by itself after 4 s.
 STOP_SECONDS = 15.0
+REPLACE_ATTEMPTS = 20
+# Errors of a lock that another process holds.
+HELD = {errno.EWOULDBLOCK, errno.EAGAIN, errno.EACCES, errno.EDEADLK}
 
 
 def try_lock(file) -> bool:
@@ -35,8 +39,11 @@ def try_lock(file) -> bool:
             import fcntl
 
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
+    except OSError as error:
+        # Another error, as of a file system without locks, does not mean that a process holds it.
+        if error.errno in HELD:
+            return False
+        raise
     return True
 
 
@@ -44,7 +51,15 @@ def write_state(folder: Path, state: dict) -> None:
     temporary = folder / f".state.{os.getpid()}.tmp"
     with open_own(temporary) as file:
         file.write(json.dumps(state).encode("utf-8"))
-    os.replace(temporary, folder / "state.json")
+    for attempt in range(REPLACE_ATTEMPTS):
+        try:
+            os.replace(temporary, folder / "state.json")
+            return
+        except PermissionError:
+            # Windows replaces no file that Blender reads at this moment.
+            if attempt + 1 == REPLACE_ATTEMPTS:
+                raise
+            time.sleep(POLL_SECONDS)
 
 
 def open_own(path: Path):
@@ -65,7 +80,7 @@ class Runner:
         self.folder = folder
         self.job = json.loads((folder / "job.json").read_text(encoding="utf-8"))
         self.is_stopped = False
-        self.state = {"id": self.job["id"], "pid": os.getpid(), "started": time.time(), "step": "", "step_started": 0.0, "code": None}
+        self.state = {"id": self.job["id"], "step": "", "code": None}
 
     def start(self, arguments: list[str], log: str) -> subprocess.Popen:
         """Starts the engine with its messages in LOG.log and its results in LOG.out."""
@@ -77,10 +92,10 @@ class Runner:
     def stop(self, process: subprocess.Popen) -> None:
         """The signal to stop, which keeps finished frames; then an end by force."""
         if process.poll() is None:
-            process.send_signal(signal.CTRL_BREAK_EVENT if os.name == "nt" else signal.SIGTERM)
             try:
+                process.send_signal(signal.CTRL_BREAK_EVENT if os.name == "nt" else signal.SIGTERM)
                 process.wait(STOP_SECONDS)
-            except subprocess.TimeoutExpired:
+            except (OSError, subprocess.TimeoutExpired):
                 process.kill()
                 process.wait()
 
@@ -93,19 +108,22 @@ class Runner:
 
     def run_step(self, step: dict) -> int:
         """One command, and with it the one that follows its frames; the exit code."""
-        self.state |= {"step": step["name"], "step_started": time.time()}
+        self.state |= {"step": step["name"]}
         write_state(self.folder, self.state)
         main, follower = self.start(step["arguments"], step["name"]), None
-        while main.poll() is None or (follower and follower.poll() is None):
-            if self.wants_stop() or (main.poll() not in (None, 0)):
-                break
-            # What an earlier simulation left is gone only once this one has begun.
-            if follower is None and step.get("follow") and main.poll() is None and self.has_begun(step["name"]):
-                follower = self.start(step["follow"], step["follow_name"])
-            time.sleep(POLL_SECONDS)
-        for process in (main, follower):
-            if process:
-                self.stop(process)
+        try:
+            while main.poll() is None or (follower and follower.poll() is None):
+                if self.wants_stop() or (main.poll() not in (None, 0)):
+                    break
+                # What an earlier simulation left is gone only once this one has begun.
+                if follower is None and step.get("follow") and main.poll() is None and self.has_begun(step["name"]):
+                    follower = self.start(step["follow"], step["follow_name"])
+                time.sleep(POLL_SECONDS)
+        finally:
+            # Also after an error, such as a log that is gone: no engine goes on without its runner.
+            for process in (main, follower):
+                if process:
+                    self.stop(process)
         if self.is_stopped:
             return INTERRUPTED
         if main.returncode == REFUSED:
@@ -129,21 +147,33 @@ class Runner:
             if code != 0:
                 break
         self.state["code"] = code
-        write_state(self.folder, self.state)
+        self.write_end()
         return code
+
+    def write_end(self) -> None:
+        """The last state; if it cannot be written, the exit code of this process and its log are what is left."""
+        try:
+            write_state(self.folder, self.state)
+        except OSError as error:
+            print(f"{self.folder}: the state cannot be written ({error})", file=sys.stderr)
 
 
 def main() -> int:
     folder = Path(sys.argv[1])
     with open_lock(folder / "lock") as lock:
-        # Blender looks at the lock for moments.
-        for _ in range(20):
-            if try_lock(lock):
-                break
-            time.sleep(POLL_SECONDS)
-        else:
-            return LOCKED
         runner = Runner(folder)
+        try:
+            # Blender looks at the lock for moments.
+            for _ in range(20):
+                if try_lock(lock):
+                    break
+                time.sleep(POLL_SECONDS)
+            else:
+                return LOCKED
+        except OSError as error:
+            runner.state |= {"code": 1, "error": f"the file system of the folder has no locks ({error}). Choose a folder on a local disk"}
+            runner.write_end()
+            return 1
 
         def end(*_) -> None:
             runner.is_stopped = True
@@ -154,7 +184,7 @@ def main() -> int:
             return runner.run()
         except OSError as error:
             runner.state |= {"code": 1, "error": str(error)}
-            write_state(folder, runner.state)
+            runner.write_end()
             return 1
 
 

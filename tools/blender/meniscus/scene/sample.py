@@ -17,6 +17,8 @@ GEOMETRY = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 MAX_FRAMES = 100_000
 # Bytes of the places of vertices over time that are held at once, of all objects.
 MAX_BYTES = 4 << 30
+# Kinds of parents that move an object; others bend it.
+RIGID_PARENTS = {"OBJECT", "BONE", "VERTEX", "VERTEX_3"}
 OUTPUT = "meniscus_output"
 
 
@@ -204,7 +206,7 @@ def sample_frame(each: Sampled, graph: bpy.types.Depsgraph, is_first: bool, scal
 def may_deform(source: bpy.types.Object) -> bool:
     """Whether the mesh of an object can change over time."""
     data = source.data
-    is_bent = source.parent is not None and source.parent_type in ("ARMATURE", "LATTICE")
+    is_bent = source.parent is not None and source.parent_type not in RIGID_PARENTS
     return bool(is_bent or source.modifiers or getattr(data, "shape_keys", None) or data.animation_data or source.type in ("META", "CURVE"))
 
 

@@ -5,6 +5,7 @@ Jobs belong to folders, not to Blender: when a file is opened, the last job of i
 """
 
 import json
+import subprocess
 import time
 from pathlib import Path
 
@@ -19,7 +20,11 @@ POLL_SECONDS = 0.25
 ARRIVAL_SECONDS = 1.0
 RUNS = ("simulate", "resume", "start_over")
 
+# The last job of each folder.
 jobs: dict[str, run.Job] = {}
+# Jobs whose results are still to be shown, by the session_uid of the scene that started them. A job keeps its folder when
+# the .blend is saved elsewhere.
+followed: dict[int, run.Job] = {}
 arrivals: dict[str, show.Arrivals] = {}
 plans: dict[str, list[str]] = {}
 last_look: dict[str, float] = {}
@@ -33,7 +38,10 @@ def root_of(scene: bpy.types.Scene) -> Path | None:
 
 
 def job_of(scene: bpy.types.Scene) -> run.Job | None:
-    """The running or last job of a scene's folder."""
+    """The job that a scene started and that is not shown yet, else the running or last one of its folder."""
+    job = followed.get(scene.session_uid)
+    if job is not None:
+        return job
     root = root_of(scene)
     return jobs.get(str(root)) if root else None
 
@@ -47,12 +55,13 @@ def begin(scene: bpy.types.Scene, job: run.Job) -> None:
     """Takes a job that was started."""
     key = str(job.root)
     jobs[key] = job
+    followed[scene.session_uid] = job
     arrivals.pop(key, None)
-    watch(scene, job)
+    watch(job)
     ensure_timer()
 
 
-def watch(scene: bpy.types.Scene, job: run.Job) -> None:
+def watch(job: run.Job) -> None:
     """Follows the surfaces of a job that makes some."""
     steps = job.description.get("steps", [])
     frames = job.description.get("frames")
@@ -72,19 +81,33 @@ def tick() -> float | None:
     if bpy.app.is_job_running("RENDER"):
         # A render reads the objects that would be changed.
         return POLL_SECONDS
-    is_busy = False
-    for scene in bpy.data.scenes:
-        job = job_of(scene)
-        if job is not None and job.is_running:
-            advance(scene, job)
-            is_busy = is_busy or job.is_running
-    return POLL_SECONDS if is_busy else None
+    scenes = {scene.session_uid: scene for scene in bpy.data.scenes}
+    for number, job in list(followed.items()):
+        if number in scenes:
+            advance(scenes[number], job)
+        else:
+            # The scene was deleted: its job goes on, and there is nothing to show it in.
+            del followed[number]
+    return POLL_SECONDS if followed else None
+
+
+def is_editing() -> bool:
+    """Whether an artist edits, sculpts or paints: a result that is shown would end that."""
+    windows = bpy.context.window_manager.windows
+    layers = [window.view_layer for window in windows] or [scene.view_layers[0] for scene in bpy.data.scenes]
+    active = [layer.objects.active for layer in layers]
+    return any(each is not None and each.mode != "OBJECT" for each in active)
 
 
 def advance(scene: bpy.types.Scene, job: run.Job) -> None:
     """Reads what a job reported and shows it."""
     key = str(job.root)
     changed = job.update()
+    if is_editing():
+        # The timer goes on, and shows what has arrived when the artist is done.
+        if changed:
+            redraw()
+        return
     arrived = arrivals.get(key)
     if arrived is not None and (not job.is_running or time.monotonic() - last_look.get(key, 0.0) >= ARRIVAL_SECONDS):
         last_look[key] = time.monotonic()
@@ -94,14 +117,29 @@ def advance(scene: bpy.types.Scene, job: run.Job) -> None:
             job.messages.append(str(error))
             del arrivals[key]
     if not job.is_running:
+        followed.pop(scene.session_uid, None)
+        # Without a wait for it, the process would stay a zombie.
+        if job.process is not None:
+            reap(job)
         finish(scene, job)
     if changed:
         redraw()
 
 
+def reap(job: run.Job) -> None:
+    """Takes the exit code of a runner, which ends just after it has released its lock."""
+    try:
+        job.process.wait(timeout=1.0)
+    except subprocess.TimeoutExpired:
+        pass
+
+
 def finish(scene: bpy.types.Scene, job: run.Job) -> None:
     """Shows what a job has made when it has ended."""
     if job.code != 0:
+        return
+    if not is_own(scene, job):
+        job.messages.append(f"The job was started by {printable(job.owner)}. Show Result shows it in this scene")
         return
     if job.action == "plan":
         plans[str(job.root)] = read_plan(job)
@@ -113,11 +151,25 @@ def show_result(scene: bpy.types.Scene, job: run.Job) -> None:
     # A timer has no window, which operators of Blender's importers need.
     window = next(iter(bpy.context.window_manager.windows), None)
     places = {"window": window} if window else {}
+    layer = window.view_layer if window else scene.view_layers[0]
+    selected, active = [each for each in layer.objects if each.select_get(view_layer=layer)], layer.objects.active
     with bpy.context.temp_override(**places, scene=scene, view_layer=scene.view_layers[0]):
         try:
             job.messages.extend(show.show_all(bpy.context, scene, job.shot))
         except ShotError as error:
             job.error = str(error)
+    select(layer, selected, active)
+
+
+def select(layer: bpy.types.ViewLayer, selected: list[bpy.types.Object], active: bpy.types.Object | None) -> None:
+    """Restores the artist's selection: importers select what they make."""
+    for each in layer.objects:
+        each.select_set(False, view_layer=layer)
+    for each in selected:
+        if each.name in layer.objects:
+            each.select_set(True, view_layer=layer)
+    if active is not None and active.name in layer.objects:
+        layer.objects.active = active
 
 
 def read_plan(job: run.Job) -> list[str]:
@@ -171,33 +223,63 @@ def redraw() -> None:
 @bpy.app.handlers.persistent
 def opened(*_) -> None:
     """Finds the jobs of the folders of a file that was opened."""
-    jobs.clear()
-    arrivals.clear()
-    plans.clear()
+    for table in (jobs, followed, arrivals, plans):
+        table.clear()
+    saved()
+
+
+@bpy.app.handlers.persistent
+def saved(*_) -> None:
+    """Finds the jobs of the folders of this file, which are others when it was saved elsewhere."""
     for scene in bpy.data.scenes:
         find_job(scene)
 
 
-def find_job(scene: bpy.types.Scene) -> None:
-    """Takes the last job of a scene's folder, unless it is known."""
+def saved_again() -> None:
+    """Finds jobs that another program has started since the last look."""
+    for scene in bpy.data.scenes:
+        find_job(scene, again=True)
+
+
+def find_job(scene: bpy.types.Scene, again: bool = False) -> None:
+    """Takes the last job of a scene's folder, unless it is known; `again` if another program may have started a newer one."""
     root = root_of(scene)
-    if root is None or str(root) in jobs:
+    if root is None or (str(root) in jobs and not again):
         return
     job = run.attach(root)
-    if job is not None:
-        jobs[str(root)] = job
-        if job.is_running:
-            watch(scene, job)
-            ensure_timer()
+    if job is None or (str(root) in jobs and jobs[str(root)].description.get("id") == job.description.get("id")):
+        return
+    jobs[str(root)] = job
+    if job.is_running and scene.session_uid not in followed:
+        followed[scene.session_uid] = job
+        if is_own(scene, job):
+            watch(job)
+        ensure_timer()
+
+
+def is_own(scene: bpy.types.Scene, job: run.Job) -> bool:
+    """Whether a scene of this file started a job; jobs of this Blender stay its own when the file is saved elsewhere."""
+    if job.process is not None:
+        return True
+    started_in, blend = job.description.get("scene", scene.name), job.description.get("blend")
+    is_of_file = not isinstance(blend, str) or not blend or preset.is_same(job.root, blend)
+    return is_of_file and started_in == scene.name
 
 
 def register() -> None:
     settings.updates["folder"] = lambda shot, _context: find_job(shot.id_data)
     bpy.app.handlers.load_post.append(opened)
+    bpy.app.handlers.save_post.append(saved)
+    # While an extension is being switched on, the open file cannot be read.
+    bpy.app.timers.register(saved, first_interval=0.0)
 
 
 def unregister() -> None:
     bpy.app.handlers.load_post.remove(opened)
+    bpy.app.handlers.save_post.remove(saved)
     if bpy.app.timers.is_registered(tick):
         bpy.app.timers.unregister(tick)
-    jobs.clear()
+    if bpy.app.timers.is_registered(saved):
+        bpy.app.timers.unregister(saved)
+    for table in (jobs, followed, arrivals, plans):
+        table.clear()

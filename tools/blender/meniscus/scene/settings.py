@@ -167,7 +167,7 @@ def values(data: bpy.types.PropertyGroup, definition: str, scale: float, inner: 
             if inner_table or key.is_optional:
                 found[key.name] = inner_table
             continue
-        # What nobody changed is the reference's own value: it is in metres, whatever the scene's unit.
+        # What was never changed is the reference's own value: it is in metres, whatever the scene's unit.
         result = written(key, value, scale if data.is_property_set(key.name) else 1.0)
         if key.is_required or key.is_optional or not is_default(key, result):
             found[key.name] = result
