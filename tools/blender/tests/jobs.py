@@ -51,7 +51,14 @@ def stage_jobs(folder: Path) -> None:
     scene = pool(folder, PAUSED_LAST)
     session = scene_module("session")
     bpy.ops.meniscus.simulate()
-    failed("a second job in the folder", bpy.ops.meniscus.simulate)
+    failed("a second job of the scene", bpy.ops.meniscus.simulate, "A job is running in this folder")
+    wait(scene, lambda job: bool(job.state))
+    run, program = scene_module("run"), Path(os.environ["MENISCUS"])
+    try:
+        run.start(folder / "meniscus", program, "simulate", "draft", [], [1, 1, 1])
+        check(False, "a second job in the folder is refused", "it was started")
+    except Exception as error:
+        check("a job is running in this folder" in str(error), "a second job in the folder is refused", error)
     job, _ = wait(scene, lambda job: len(cached(folder)) >= 2)
     bpy.ops.meniscus.pause()
     check("Pausing" in session.status(job), "the panel shows that the job is being paused", session.status(job))
@@ -122,7 +129,6 @@ def stage_closed(folder: Path) -> None:
     scene = bpy.context.scene
     job = session.job_of(scene)
     check(job is not None and job.action == "simulate" and job.process is None, "the job of a Blender that was closed is found")
-    check(job.is_running or job.code == 0, "it went on", (job.is_running, job.code))
     job, _ = wait(scene)
     check(job.code == 0 and len(cached(folder)) == 10, "no frame is lost", (job.code, len(cached(folder))))
     if water(scene) is None:

@@ -5,12 +5,14 @@ run.py starts the stage in a process of its own. The engine checks no preset in 
 """
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
 from mathutils import Matrix, Quaternion
 
 import harness
+import ply
 from harness import check
 from presets import add, fresh, noted, posed, refused, write, world_points
 from scenes import empty, scene_module
@@ -155,6 +157,25 @@ def check_sources(folder: Path) -> None:
         check(show.Sources(folder / "meniscus").object(bpy.context.scene, "Body", "BODY") is None, f"a broken list names no object: {text[:60]}")
 
 
+def check_copies(folder: Path) -> None:
+    """A body's result has the mesh of the first frame, as the engine has it, wherever the playhead is; also of a hidden object."""
+    scene = fresh(folder)
+    made = add("body")
+    wave = made.modifiers.new("Wave", "WAVE")
+    wave.height, wave.time_offset, wave.width = 0.5, -20.0, 0.5
+    made.modifiers.new("Subdivision", "SUBSURF")
+    write(scene, accepted=False)
+    wanted = world_points(made, 1) - made.matrix_world.translation
+    made.hide_set(True)
+    scene.frame_set(4)
+    show = scene_module("show")
+    shot = SimpleNamespace(sheets=[], colliders=[SimpleNamespace(name="Body")], frames=SimpleNamespace(first=1))
+    copies = show.copies_of(bpy.context, scene, shot, show.Sources(folder / "meniscus"))
+    found = np.array([vertex.co for vertex in copies["Body"].data.vertices])
+    check(found.shape == wanted.shape and np.abs(found - wanted).max() < 1e-5, "a copy has the mesh of the first frame", found.shape)
+    check(scene.frame_current == 4 and made.hide_get(), "playhead and eye are as before")
+
+
 def check_body(folder: Path) -> None:
     """Place and rotation of a body, start and end of smoke are the object's: no setting competes with them."""
     empty(folder)
@@ -192,13 +213,105 @@ def check_owner(folder: Path) -> None:
     refused("two scenes with one folder, written differently", "scene Second")
 
 
+def volume(vertices: np.ndarray, faces: np.ndarray) -> float:
+    """The volume that triangles enclose, positive if they are counter-clockwise seen from outside."""
+    corners = vertices[faces]
+    return float(np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6.0)
+
+
+def check_turned(folder: Path) -> None:
+    """A turned box or ellipsoid of liquid is that, not the mesh of its object; also of an empty."""
+    for shape, wanted in (("BOX", 8.0), ("SPHERE", 8.0 * np.pi / 6.0)):
+        for kind in ("empty", "mirrored"):
+            scene = fresh(folder / f"{shape} {kind}")
+            made = bpy.data.objects.new("Turned", None if kind == "empty" else bpy.data.meshes.new("Turned"))
+            scene.collection.objects.link(made)
+            if made.data:
+                # Only the bounding box matters: two corners.
+                made.data.from_pydata([(-1, -1, -1), (1, 1, 1)], [], [])
+            made.scale, made.rotation_euler, made.location = (0.5, 1.0, -2.0 if kind == "mirrored" else 2.0), TURN, (0.0, 0.0, 5.0)
+            made.meniscus.role = "FLUID"
+            made.meniscus.shape = shape
+            bpy.context.view_layer.update()
+            data, _ = write(scene, accepted=False)
+            file = folder / f"{shape} {kind}" / "meniscus" / data["liquid"]["source"][1]["shape"]["mesh"]["file"]
+            table, faces = ply.read(file)
+            vertices = np.stack([table[axis] for axis in "xyz"], axis=1).astype(np.float64)
+            found = volume(vertices - vertices.mean(0), faces)
+            check(0.985 * wanted < found < 1.001 * wanted, f"the volume of a turned {shape}: {kind}", (found, wanted))
+            check(np.allclose(vertices.mean(0), (0.0, 0.0, 5.0), atol=1e-4), f"the place of a turned {shape}: {kind}", vertices.mean(0))
+
+
+def bent_by_parent(scene: bpy.types.Scene) -> bpy.types.Object:
+    """A collider whose parent is an armature that bends it, without a modifier."""
+    bent = add("collider")
+    rig = bpy.data.objects.new("Rig", bpy.data.armatures.new("Rig"))
+    scene.collection.objects.link(rig)
+    bpy.context.view_layer.objects.active = rig
+    bpy.ops.object.mode_set(mode="EDIT")
+    bone = rig.data.edit_bones.new("Bone")
+    bone.head, bone.tail = (0.0, 0.0, 0.0), (0.0, 0.0, 0.2)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    bent.name, bent.parent, bent.parent_type = "Bent", rig, "ARMATURE"
+    bent.vertex_groups.new(name="Bone").add([v.index for v in bent.data.vertices if v.co.z > 0.0], 1.0, "REPLACE")
+    pose = rig.pose.bones["Bone"]
+    pose.rotation_mode = "XYZ"
+    for frame, angle in ((1, 0.0), (4, 0.8)):
+        pose.rotation_euler.x = angle
+        pose.keyframe_insert("rotation_euler", frame=frame)
+    return bent
+
+
+def check_left_out(folder: Path) -> None:
+    """What a preset cannot hold is reported."""
+    scene = fresh(folder)
+    nozzle = add("inflow", scale=(1.0, 2.0, 1.0))
+    nozzle.name = "Oval"
+    force = add("force")
+    force.meniscus.force.use_falloff = True
+    parent = bpy.data.objects.new("Parent", None)
+    scene.collection.objects.link(parent)
+    parent.scale = (1.0, 3.0, 1.0)
+    sheared = add("force", rotation_euler=TURN, parent=parent)
+    sheared.name = "Sheared"
+    cloth = add("cloth")
+    wave = cloth.modifiers.new("Wave", "WAVE")
+    wave.height, wave.time_offset, wave.width = 0.5, -20.0, 0.5
+    scattered = add("collider")
+    scattered.name = "Scattered"
+    group = bpy.data.node_groups.new("Scatter", "GeometryNodeTree")
+    for direction in ("INPUT", "OUTPUT"):
+        group.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+    nodes = {name: group.nodes.new(name) for name in ("NodeGroupInput", "NodeGroupOutput", "GeometryNodeInstanceOnPoints", "GeometryNodeMeshCube", "GeometryNodeJoinGeometry")}
+    join, instances = nodes["GeometryNodeJoinGeometry"], nodes["GeometryNodeInstanceOnPoints"]
+    group.links.new(nodes["NodeGroupInput"].outputs[0], instances.inputs["Points"])
+    group.links.new(nodes["GeometryNodeMeshCube"].outputs[0], instances.inputs["Instance"])
+    for each in (nodes["NodeGroupInput"], instances):
+        group.links.new(each.outputs[0], join.inputs[0])
+    group.links.new(join.outputs[0], nodes["NodeGroupOutput"].inputs[0])
+    scattered.modifiers.new("Scatter", "NODES").node_group = group
+    bent = bent_by_parent(scene)
+    data, notes = write(scene, accepted=False)
+    noted(notes, "Oval", "mean of its two radii")
+    noted(notes, "Force", "falloff")
+    noted(notes, "Sheared", "shear")
+    noted(notes, "Cloth", "deformation")
+    noted(notes, "Scattered", "instance(s)")
+    meshes = [entry["shape"]["mesh"] for entry in data["world"]["collider"]]
+    cached = [mesh["file"] for mesh in meshes if "point_cache" in mesh]
+    check(cached == [f"assets/{bent.name}.ply"], "a mesh whose parent bends it is sampled in every frame", meshes)
+
+
 def stage_placing(folder: Path) -> None:
     check_pins(folder / "pins")
     check_mirrored(folder / "mirrored")
     check_units(folder / "units")
     check_playhead(folder / "playhead")
     check_body(folder / "body")
+    check_copies(folder / "copies")
     check_owner(folder / "owner")
+    check_turned(folder / "turned")
+    check_left_out(folder / "left out")
     check_sources(folder / "sources")
 
 

@@ -360,13 +360,27 @@ def check_refused(folder: Path) -> None:
     other.collection.objects.link(pool)
     refused("two scenes with one folder", "scene Other")
     bpy.data.scenes.remove(other)
+    check_other_blend(scene, folder)
     leaf = add("collider")
     leaf.data.clear_geometry()
     refused("a mesh without faces", "Collider", "no faces")
-    empty_file = bpy.data.filepath
     bpy.ops.wm.read_homefile(use_empty=True)
     refused("a .blend that is not saved", "not saved")
-    check(bool(empty_file), "the test had a file")
+
+
+def check_other_blend(scene: bpy.types.Scene, folder: Path) -> None:
+    """The folder of another .blend is refused, unless it is taken over, or that file is gone."""
+    first = bpy.data.filepath
+    write(scene, accepted=False)
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "second.blend"))
+    refused("the folder of another .blend", "folder of scene.blend", "Write Preset")
+    before = (folder / "meniscus" / "scene.toml").read_bytes()
+    check(bpy.ops.meniscus.write() == {"FINISHED"} and (folder / "meniscus" / "scene.toml").read_bytes() == before, "Write Preset takes it over")
+    write(scene, accepted=False)
+    (folder / "second.blend").unlink()
+    bpy.ops.wm.save_as_mainfile(filepath=first)
+    write(scene, accepted=False)
+    check(scene_module("assets").read_objects(folder / "meniscus")["blend"] == "../scene.blend", "the folder of a file that is gone is free")
 
 
 def stage_presets(folder: Path) -> None:

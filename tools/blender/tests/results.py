@@ -79,9 +79,18 @@ def stage_bodies(folder: Path) -> None:
     check(np.allclose(high[:2] - low[:2], (4.0, 2.0), atol=0.3), "the water has the size of the pool in the scene's units", (low, high))
     count = len(scene.objects)
     written = (folder / "meniscus" / "scene.toml").read_bytes()
+    changed = result(scene, "body:Mike")
+    place = evaluated_points(changed, 6)
+    changed.constraints.new("LIMIT_SCALE")
+    changed.modifiers.new("Bevel", "BEVEL").show_viewport = False
+    changed.data.materials[0] = bpy.data.materials.new("Gold")
     bpy.ops.meniscus.simulate(wait=True)
     check(len(scene.objects) == count, "a second run makes no second results", (count, len(scene.objects)))
     check((folder / "meniscus" / "scene.toml").read_bytes() == written, "results do not change the preset")
+    is_same = result(scene, "body:Mike") == changed
+    kept = is_same and len(changed.constraints) == 1 and "Bevel" in changed.modifiers and changed.data.materials[0].name == "Gold"
+    check(kept, "a second run keeps the artist's constraints, modifiers and materials", is_same)
+    check(kept and np.abs(evaluated_points(changed, 6) - place).max() < 1e-5, "the result is where it was")
 
 
 def stage_cloth(folder: Path) -> None:
@@ -105,6 +114,12 @@ def stage_cloth(folder: Path) -> None:
     places = np.frombuffer(content[32:], "<f4").reshape(samples, count, 3)
     check(np.abs(evaluated_points(shown, 5) - places[4]).max() < 1e-5, "cloth follows its point cache")
     check(places[4][:, 2].mean() < places[0][:, 2].mean() - 0.05, "it falls")
+    shown.modifiers.new("Thickness", "SOLIDIFY").show_viewport = False
+    scene.frame_set(5)
+    bpy.ops.meniscus.show()
+    again = result(scene, "sheet:Cloth")
+    kept = again == shown and [each.type for each in shown.modifiers] == ["MESH_CACHE", "SOLIDIFY"]
+    check(kept and np.abs(evaluated_points(shown, 5) - places[4]).max() < 1e-5, "cloth that is shown again keeps its modifiers", kept)
     volume = result(scene, "volume:smoke")
     check(volume is not None and volume.type == "VOLUME" and volume.data.is_sequence, "smoke is a sequence of volumes")
     check(cloth.meniscus.role == "CLOTH" and cloth.hide_render, "the cloth itself is put aside")

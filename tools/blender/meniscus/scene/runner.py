@@ -161,7 +161,6 @@ class Runner:
 def main() -> int:
     folder = Path(sys.argv[1])
     with open_lock(folder / "lock") as lock:
-        runner = Runner(folder)
         try:
             # Blender looks at the lock for moments.
             for _ in range(20):
@@ -171,9 +170,11 @@ def main() -> int:
             else:
                 return LOCKED
         except OSError as error:
+            runner = Runner(folder)
             runner.state |= {"code": 1, "error": f"the file system of the folder has no locks ({error}). Choose a folder on a local disk"}
             runner.write_end()
             return 1
+        runner = Runner(folder)
 
         def end(*_) -> None:
             runner.is_stopped = True

@@ -17,6 +17,8 @@ DEFAULT_RESOLUTION = 128
 # Roles that a preset can move, and those whose size can change or whose mesh can deform.
 MOVING = {"INFLOW", "OUTFLOW", "COLLIDER", "FORCE", "SMOKE"}
 CHANGING = {"COLLIDER"}
+# Vertices around and along an ellipsoid that is written as a mesh: its volume is 0.4 % less than that of the ellipsoid.
+ELLIPSOID = (64, 32)
 
 
 @dataclass
@@ -40,8 +42,7 @@ class Shaper:
         shape = each.role.shape
         if shape == "MESH" or shape == "EVERYWHERE":
             return self.mesh(each, name)
-        placed = self.analytic(each, shape)
-        return placed if placed else self.mesh(each, name)
+        return self.analytic(each, shape, name)
 
     def note(self, each: Sampled, text: str) -> None:
         self.notes.append(f"{printable(each.source.name)}: {text}")
@@ -64,8 +65,8 @@ class Shaper:
             found = [Pose(pose.place, pose.quaternion, 1.0) for pose in found]
         return found
 
-    def analytic(self, each: Sampled, shape: str) -> Placed | None:
-        """A shape from the object's bounding box; None if only a mesh can have its place."""
+    def analytic(self, each: Sampled, shape: str, asset: str) -> Placed:
+        """A shape from the object's bounding box; a mesh of it where the preset cannot turn the shape itself."""
         name = printable(each.source.name)
         if each.deforms():
             self.note(each, f"its deformation is left out: the shape {SHAPE_ITEMS[shape][1]} is that of the first frame")
@@ -83,6 +84,10 @@ class Shaper:
             box.check(name, axes=2 if shape == "DISC" else 0)
         else:
             box.check(name, axes=3)
+        half = box.half()
+        if shape == "DISC" and abs(half[0] - half[1]) > 1e-4 * max(half[0], half[1]):
+            text = f"{half[0]:.4g} and {half[1]:.4g} m. Choose the shape Mesh for its own outline"
+            self.note(each, f"a disc is round: its radius is the mean of its two radii, {text}")
         is_still = len(found) == 1
         shown = directions(each.matrices[0])
         if is_still and (written := round_shape(shape, box, axes, shown, each)) is not None:
@@ -91,7 +96,9 @@ class Shaper:
         if is_still and not turned:
             return Placed(box_shape(shape, box.moved(each.matrices[0][:3, 3]), shown), [], shown)
         if each.role.role not in MOVING:
-            return None
+            vertices, faces = solid(shape, box)
+            file = self.folder.add(f"{asset}.ply", assets.ply(vertices @ axes.T + each.matrices[0][:3, 3], faces))
+            return Placed({"mesh": self.mesh_table(each, file)}, [], shown)
         if shape == "PLANE":
             if any(pose.quaternion != IDENTITY for pose in found):
                 raise ShotError(f"{name}: turns, and a plane can only move. Choose the shape Box or Mesh")
@@ -197,6 +204,29 @@ class Box:
 
 def is_round(half: np.ndarray) -> bool:
     return bool(half.max() - half.min() <= 1e-4 * half.max())
+
+
+def solid(shape: str, box: Box) -> tuple[np.ndarray, np.ndarray]:
+    """A box or ellipsoid as vertices and triangles that are counter-clockwise seen from outside."""
+    if shape == "BOX":
+        corners = np.array([(x, y, z) for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)], np.float64)
+        quads = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
+        return box.center() + corners * box.half(), np.array([(a, *rest) for a, b, c, d in quads for rest in ((b, c), (c, d))])
+    columns, rows = ELLIPSOID
+    around = 2.0 * np.pi * np.arange(columns) / columns
+    down = np.pi * np.arange(1, rows) / rows
+    ring = np.stack([np.cos(around), np.sin(around)], axis=1)
+    sides = [np.column_stack([ring * np.sin(angle), np.full(columns, np.cos(angle))]) for angle in down]
+    points = np.vstack([[(0.0, 0.0, 1.0)], *sides, [(0.0, 0.0, -1.0)]])
+    last, faces = len(points) - 1, []
+    for column in range(columns):
+        after = (column + 1) % columns
+        faces.append((0, 1 + column, 1 + after))
+        faces.append((last, last - columns + after, last - columns + column))
+        for row in range(rows - 2):
+            a, b = 1 + row * columns + column, 1 + row * columns + after
+            faces += [(a, a + columns, b + columns), (a, b + columns, b)]
+    return box.center() + points * box.half(), np.array(faces)
 
 
 def directions(matrix: np.ndarray) -> np.ndarray:

@@ -19,8 +19,9 @@ from ..messages import ShotError, printable
 from ..motion import Motion, read_motion
 from ..shot import FRAME_NUMBER, MAX_SCENE_FRAME, Frames, MeshOutput, PointsOutput, Shot, below, format_string, read_shot
 from . import assets
-from .sample import OUTPUT
+from .sample import OUTPUT, quiet
 
+Copies = dict[str, bpy.types.Object]
 COLLECTION = "Meniscus Shot"
 SURFACE = MeshOutput("liquid", f"mesh/liquid_{FRAME_NUMBER}.ply", Frames(0, 0, 1), True)
 
@@ -41,9 +42,14 @@ def collection(scene: bpy.types.Scene) -> bpy.types.Collection:
 
 
 def adopt(scene: bpy.types.Scene, made: bpy.types.Object, key: str) -> bpy.types.Object:
-    """Links a new result into the scene; it takes over materials and visibility of the earlier one, which it replaces."""
+    """Links a new result into the scene, or gives its data to the earlier one, which keeps what the artist did to it."""
     before = existing(scene, key)
     made[OUTPUT] = key
+    has_plain_modifiers = all(each.type == "MESH_CACHE" for each in made.modifiers)
+    if before is not None and before.type == made.type and made.data is not None and has_plain_modifiers:
+        made.scale = [part / scene.unit_settings.scale_length for part in made.scale]
+        take_over(before, made)
+        return before
     if before is not None:
         if made.data and before.data and len(before.data.materials):
             made.data.materials.clear()
@@ -56,6 +62,49 @@ def adopt(scene: bpy.types.Scene, made: bpy.types.Object, key: str) -> bpy.types
     made.scale = [part / scene.unit_settings.scale_length for part in made.scale]
     collection(scene).objects.link(made)
     return made
+
+
+def take_over(before: bpy.types.Object, made: bpy.types.Object) -> None:
+    """Gives an object the data, place, animation and modifiers of a new result, which is removed."""
+    replaced, slots = before.data, [slot.material for slot in before.material_slots]
+    if any(slots):
+        made.data.materials.clear()
+        for each in slots:
+            made.data.materials.append(each)
+    before.data = made.data
+    if not replaced.users:
+        bpy.data.batch_remove([replaced])
+    before.rotation_mode = made.rotation_mode
+    before.location, before.scale = made.location, made.scale
+    before.rotation_quaternion, before.rotation_euler = made.rotation_quaternion, made.rotation_euler
+    animate(before, made)
+    for index, each in enumerate(made.modifiers):
+        own = before.modifiers.get(each.name)
+        if own is None or own.type != each.type:
+            own = before.modifiers.new(each.name, each.type)
+            before.modifiers.move(len(before.modifiers) - 1, min(index, len(before.modifiers) - 1))
+        for one in each.bl_rna.properties:
+            if not one.is_readonly and one.type in ("BOOLEAN", "INT", "FLOAT", "STRING", "ENUM") and one.identifier != "name":
+                value = getattr(each, one.identifier)
+                setattr(own, one.identifier, tuple(value) if getattr(one, "is_array", False) else value)
+    for name, value in made.items():
+        if isinstance(value, (str, int, float)):
+            before[name] = value
+    bpy.data.objects.remove(made)
+
+
+def animate(before: bpy.types.Object, made: bpy.types.Object) -> None:
+    """Gives an object the action of a new result, or none; drivers stay."""
+    new = made.animation_data.action if made.animation_data else None
+    old = before.animation_data.action if before.animation_data else None
+    if new is not None:
+        animation = before.animation_data_create()
+        animation.action = new
+        animation.action_slot = made.animation_data.action_slot
+    elif old is not None:
+        before.animation_data.action = None
+    if old is not None and not old.users:
+        bpy.data.actions.remove(old)
 
 
 def sequence(scene: bpy.types.Scene, output: MeshOutput | PointsOutput, folder: str) -> bpy.types.Object:
@@ -107,13 +156,14 @@ def show_all(context: bpy.types.Context, scene: bpy.types.Scene, folder: Path) -
     path = outputs.shot_folder(files.root, "AUTO")
     outputs.check_paths(shot, path)
     sources = Sources(folder.parent)
+    copies = copies_of(context, scene, shot, sources)
     for output in (*shot.meshes, *shot.points):
         sequence(scene, output, path)
     for output in shot.volumes:
         adopt(scene, volumes.add_volume(context, output, path, frames[output]), f"volume:{output.name}")
     for sheet in shot.sheets:
-        show_cloth(context, scene, sheet, sources, files, path)
-    show_solids(context, scene, shot, sources, files, path)
+        show_cloth(context, scene, sheet, sources, copies, files, path)
+    show_solids(context, scene, shot, sources, copies, files, path)
     return notes
 
 
@@ -138,6 +188,17 @@ class Sources:
         return Matrix(np.array(values, np.float64).reshape(4, 4).tolist()) if is_sound else None
 
 
+def copies_of(context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, sources: Sources) -> dict[str, bpy.types.Object]:
+    """Copies of the objects of bodies and cloth as they are in the first frame, by their outputs' names."""
+    pairs = [(each.name, "CLOTH") for each in shot.sheets] + [(each.name, "BODY") for each in shot.colliders]
+    found = [(name, role, source) for name, role in pairs if (source := sources.object(scene, name, role)) is not None]
+    if not found:
+        return {}
+    with quiet(context, [source for _, _, source in found if source.name in context.view_layer.objects]):
+        scene.frame_set(min(shot.frames.first, MAX_SCENE_FRAME))
+        return {name: copy_of(context, source, sources.start(name), place=role == "CLOTH") for name, role, source in found}
+
+
 def copy_of(context: bpy.types.Context, source: bpy.types.Object, start: Matrix, place: bool) -> bpy.types.Object:
     """A new object with the source's mesh, its modifiers applied, materials and all, in metres as its asset was written."""
     graph = context.evaluated_depsgraph_get()
@@ -155,12 +216,12 @@ def put_aside(source: bpy.types.Object, layer: bpy.types.ViewLayer) -> None:
         source.hide_set(True, view_layer=layer)
 
 
-def show_cloth(context: bpy.types.Context, scene: bpy.types.Scene, sheet, sources: Sources, files: ShotFolder, path: str) -> None:
+def show_cloth(context: bpy.types.Context, scene: bpy.types.Scene, sheet, sources: Sources, copies: Copies, files: ShotFolder, path: str) -> None:
     source, key = sources.object(scene, sheet.name, "CLOTH"), f"sheet:{sheet.name}"
     cache = below(path, sheet.cache)
     made = None
     if source is not None:
-        made = copy_of(context, source, sources.start(sheet.name), place=True)
+        made = copies[sheet.name]
         if len(made.data.vertices) == check_ply(files, sheet.rest):
             sheets.deform(made, cache, sheet.frames.first, sheet.frames.step)
         else:
@@ -175,14 +236,14 @@ def show_cloth(context: bpy.types.Context, scene: bpy.types.Scene, sheet, source
         put_aside(source, context.view_layer)
 
 
-def show_solids(context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, sources: Sources, files: ShotFolder, path: str) -> None:
+def show_solids(context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, sources: Sources, copies: Copies, files: ShotFolder, path: str) -> None:
     """Bodies where the simulation moved them, and tanks with a look; the scene has the other colliders."""
     for output in shot.colliders:
         source = sources.object(scene, output.name, "BODY")
         motion = read_motion(files, output.motion)
         check_cache(output, motion, files)
         if source is not None:
-            made = copy_of(context, source, sources.start(output.name), place=False)
+            made = copies[output.name]
             if not len(made.data.materials):
                 made.data.materials.append(colliders.matte())
             moved(made, motion, scene.unit_settings.scale_length)
