@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Names of files and sheets from names that a user typed. No Blender in here."""
+"""Names of tiers, and of files and sheets from names that a user typed. No Blender in here."""
 
 import re
 import unicodedata
 
+# Tiers of a preset, from coarse to fine; the last is the preset without changes.
+QUALITIES = ("draft", "preview", "final")
 # Blender's names have 63 bytes, and so have those of files in a shot folder; a number that makes one unique has to fit in.
 MAX_CHARACTERS = 48
 # Windows opens devices under these names, whatever follows a dot.

@@ -9,6 +9,7 @@ from bpy.props import BoolProperty
 
 from ..messages import ShotError, printable
 from . import engine, preset, run, session, settings
+from .names import QUALITIES
 from .toml import inline
 
 WAIT_SECONDS = 0.05
@@ -110,6 +111,7 @@ class MENISCUS_OT_resume(JobOperator, bpy.types.Operator):
 
     bl_idname = "meniscus.resume"
     bl_label = "Resume"
+    bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -120,7 +122,7 @@ class MENISCUS_OT_resume(JobOperator, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         job = session.job_of(context.scene)
-        if job is not None and job.tier in ("draft", "preview", "final"):
+        if job is not None and job.tier in QUALITIES:
             context.scene.meniscus.quality = job.tier
         return self.begin(context, "resume", writes=False)
 

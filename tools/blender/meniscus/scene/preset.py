@@ -11,13 +11,12 @@ import numpy as np
 
 from ..messages import ShotError, printable
 from . import assets, poses, sample, schema, settings, toml
-from .names import Names
+from .names import QUALITIES, Names
 from .sample import Sampled
 from .shapes import Placed, Shaper
 from .toml import Document, Table
 
 EARTH = 9.81
-TIERS = ("draft", "preview")
 # Smoke's own volumes need no finer grid, and no terms of a liquid's surface.
 # Keys of forces that are vectors in the object's axes.
 FORCE_VECTORS = {"acceleration", "velocity"}
@@ -404,7 +403,7 @@ class Writer:
         self.document.table("output", values)
 
     def tiers(self) -> None:
-        for tier in TIERS:
+        for tier in QUALITIES[:-1]:
             factor = getattr(self.shot, tier)
             values = {}
             if self.has_liquid:

@@ -6,6 +6,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, Po
 
 from .. import colliders
 from . import schema, settings
+from .names import QUALITIES
 
 ROLES = [
     ("NONE", "None", "Takes no part in the simulation", "X", 0),
@@ -95,7 +96,7 @@ def look(data: "ObjectRole") -> str:
 
 
 def scene_key(definition: str, name: str) -> str:
-    return next(key.text for key in schema.keys(definition) if key.name == name)
+    return schema.key(definition, name).text
 
 
 def make_classes() -> list[type]:
@@ -112,13 +113,19 @@ def make_classes() -> list[type]:
     surface_group, whitewater_group, volume_group = (settings.group(f"{name}Params") for name in ("Surface", "Whitewater", "Volume"))
     drag_group = settings.group("Drag")
 
+    voxels = schema.key("MeshShape", "resolution")
+
     class ObjectRole(bpy.types.PropertyGroup):
         role: EnumProperty(name="Role", description="What the object does in the simulation", items=ROLES, update=role_changed)
         shape: EnumProperty(name="Shape", description="The shape that the engine uses in place of the object", items=shape_items)
         is_marker: BoolProperty()
         is_on: BoolProperty(name="On", description="Whether it acts; keyframes switch it on and off", default=True)
         resolution: IntProperty(
-            name="Resolution", description=scene_key("MeshShape", "resolution"), min=8, max=1024, default=128
+            name="Resolution",
+            description=voxels.text,
+            min=int(voxels.low),
+            max=int(voxels.high),
+            default=voxels.default,
         )
         factor: FloatProperty(
             name="Strength", description=scene_key("ForceParams", "strength_keyframes"), min=0.0, max=1.0, default=1.0
@@ -150,9 +157,9 @@ def make_classes() -> list[type]:
             name="Quality",
             description="Tier of the preset that the buttons run, each in a folder of its own",
             items=[
-                ("draft", "Draft", "Coarse: seconds to minutes, to block a shot"),
-                ("preview", "Preview", "Between draft and final, to judge the motion"),
-                ("final", "Final", "The spacing as it is set"),
+                (QUALITIES[0], "Draft", "Coarse: seconds to minutes, to block a shot"),
+                (QUALITIES[1], "Preview", "Between draft and final, to judge the motion"),
+                (QUALITIES[2], "Final", "The spacing as it is set"),
             ],
         )
         draft: FloatProperty(name="Draft", description="Spacing of the draft over that of the final", min=1.0, max=10.0, default=2.0)

@@ -19,6 +19,7 @@ from pathlib import Path
 from ..folder import read_limited
 from ..messages import ShotError, printable
 from . import assets, runner
+from .names import QUALITIES
 
 RUN, SHOWN_MESSAGES = "run", 200
 MAX_STATE_BYTES, MAX_PLAN_BYTES = 1 << 16, 4 << 20
@@ -55,11 +56,11 @@ class Log:
 
     def all_lines(self) -> Iterator[list[str]]:
         """What is left of the log of a job that has ended, part by part."""
-        offset = -1
-        while self.offset != offset and self.offset < MAX_LOG:
-            offset = self.offset
+        first, before = self.offset, -1
+        while self.offset != before and self.offset - first < MAX_LOG:
+            before = self.offset
             yield self.lines()
-        if self.offset >= MAX_LOG:
+        if self.offset != before:
             yield [f"{self.path.name}: longer than {MAX_LOG >> 20} MiB; the rest is not shown"]
 
     def lines(self) -> list[str]:
@@ -141,7 +142,7 @@ class Job:
     @property
     def shot(self) -> Path:
         """The folder of the shot."""
-        return self.root / (self.tier if self.tier in ("draft", "preview", "final") else "final")
+        return self.root / (self.tier if self.tier in QUALITIES else QUALITIES[-1])
 
     def is_stopping(self) -> bool:
         return self.is_running and (self.folder / "stop").exists()

@@ -62,6 +62,11 @@ def keys(definition: str) -> tuple[Key, ...]:
     return tuple(read_key(name, value, name in required) for name, value in found["properties"].items())
 
 
+def key(definition: str, name: str) -> Key:
+    """One key of a definition."""
+    return next(each for each in keys(definition) if each.name == name)
+
+
 @lru_cache(maxsize=None)
 def choices(definition: str) -> tuple[Choice, ...]:
     """The tables of which a definition is one."""

@@ -25,6 +25,8 @@ jobs: dict[str, run.Job] = {}
 # Jobs whose results are still to be shown, by the session_uid of the scene that started them. A job keeps its folder when
 # the .blend is saved elsewhere.
 followed: dict[int, run.Job] = {}
+# Runners of jobs that have ended.
+ending: list[subprocess.Popen] = []
 arrivals: dict[str, show.Arrivals] = {}
 plans: dict[str, list[str]] = {}
 last_look: dict[str, float] = {}
@@ -77,7 +79,7 @@ def ensure_timer() -> None:
 
 
 def tick() -> float | None:
-    """One look at all jobs; the timer ends with the last of them."""
+    """Updates all jobs; the timer ends with the last of them."""
     if bpy.app.is_job_running("RENDER"):
         # A render reads the objects that would be changed.
         return POLL_SECONDS
@@ -88,7 +90,8 @@ def tick() -> float | None:
         else:
             # The scene was deleted: its job goes on, and there is nothing to show it in.
             del followed[number]
-    return POLL_SECONDS if followed else None
+    ending[:] = [process for process in ending if process.poll() is None]
+    return POLL_SECONDS if followed or ending else None
 
 
 def is_editing() -> bool:
@@ -118,20 +121,12 @@ def advance(scene: bpy.types.Scene, job: run.Job) -> None:
             del arrivals[key]
     if not job.is_running:
         followed.pop(scene.session_uid, None)
-        # Without a wait for it, the process would stay a zombie.
+        # The runner ends just after it has released its lock; without a look at its exit code it would stay a zombie.
         if job.process is not None:
-            reap(job)
+            ending.append(job.process)
         finish(scene, job)
     if changed:
         redraw()
-
-
-def reap(job: run.Job) -> None:
-    """Takes the exit code of a runner, which ends just after it has released its lock."""
-    try:
-        job.process.wait(timeout=1.0)
-    except subprocess.TimeoutExpired:
-        pass
 
 
 def finish(scene: bpy.types.Scene, job: run.Job) -> None:

@@ -12,6 +12,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, PointerProperty, StringProperty
 
 from .schema import Key, keys
+from .schema import key as schema_key
 from .toml import Table
 
 PREFIX = "MENISCUS_PG_"
@@ -176,7 +177,7 @@ def values(data: bpy.types.PropertyGroup, definition: str, scale: float, inner: 
 
 def number(data: bpy.types.PropertyGroup, definition: str, name: str, scale: float) -> float:
     """One number of a group as the preset has it."""
-    key = next(key for key in keys(definition) if key.name == name)
+    key = schema_key(definition, name)
     return written(key, getattr(data, name), scale if data.is_property_set(name) else 1.0)
 
 

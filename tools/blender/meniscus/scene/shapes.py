@@ -7,13 +7,12 @@ import numpy as np
 from mathutils import Matrix
 
 from ..messages import ShotError, printable
-from . import assets, poses
+from . import assets, poses, schema
 from .poses import IDENTITY, Pose
 from .roles import SHAPE_ITEMS
 from .sample import Sampled
 
 TOLERANCE = 2e-5
-DEFAULT_RESOLUTION = 128
 # Roles that a preset can move, and those whose size can change or whose mesh can deform.
 MOVING = {"INFLOW", "OUTFLOW", "COLLIDER", "FORCE", "SMOKE"}
 CHANGING = {"COLLIDER"}
@@ -178,7 +177,7 @@ class Shaper:
 
     def mesh_table(self, each: Sampled, file: str) -> dict[str, object]:
         resolution = each.role.resolution
-        return {"file": file} | ({"resolution": resolution} if resolution != DEFAULT_RESOLUTION else {})
+        return {"file": file} | ({"resolution": resolution} if resolution != schema.key("MeshShape", "resolution").default else {})
 
 
 @dataclass
