@@ -113,6 +113,7 @@ def check_other_blender(folder: Path) -> None:
         bpy.ops.meniscus.write()
     except RuntimeError as error:
         check("a job is running" in str(error), "its folder is in use", error)
+    session.tick()
     found = session.job_of(scene)
     check(found.is_running and found.description["id"] == other.description["id"], "the other Blender's job is seen", found.description)
     bpy.ops.meniscus.pause()

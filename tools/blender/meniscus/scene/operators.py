@@ -18,8 +18,6 @@ WAIT_SECONDS = 0.05
 def check_free(root: Path) -> None:
     """Raises ShotError while a job of any Blender reads the files of a folder."""
     if run.is_locked(root / run.RUN):
-        # It may be one of another Blender, which this one has not seen.
-        session.saved_again()
         raise ShotError(f"{printable(root)}: a job is running in this folder. Pause it, or wait for its end")
 
 

@@ -300,6 +300,11 @@ def start(root: Path, program: Path, action: str, tier: str, steps: list[dict], 
     return job
 
 
+def last_id(root: Path) -> object:
+    """The number of the last job of a folder; None if there is none."""
+    return read_json(root / RUN / "job.json", MAX_STATE_BYTES).get("id")
+
+
 def attach(root: Path) -> Job | None:
     """The last job of a folder, which may be running; None if there was none."""
     job = Job(root)

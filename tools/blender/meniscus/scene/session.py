@@ -16,8 +16,8 @@ from ..messages import ShotError, printable
 from . import preset, run, settings, show
 
 POLL_SECONDS = 0.25
-# With nothing to read, so that a job that another program starts in the folder is seen.
-ARRIVAL_SECONDS = 1.0
+# Between two looks at new surfaces, and, without a job, at jobs that another Blender has started.
+ARRIVAL_SECONDS, IDLE_SECONDS = 1.0, 5.0
 RUNS = ("simulate", "resume", "start_over")
 
 # The last job of each folder.
@@ -60,6 +60,9 @@ def begin(scene: bpy.types.Scene, job: run.Job) -> None:
     followed[scene.session_uid] = job
     arrivals.pop(key, None)
     watch(job)
+    # An idle timer would look at the new job only after seconds.
+    if bpy.app.timers.is_registered(tick):
+        bpy.app.timers.unregister(tick)
     ensure_timer()
 
 
@@ -79,7 +82,7 @@ def ensure_timer() -> None:
 
 
 def tick() -> float | None:
-    """Updates all jobs; the timer ends with the last of them."""
+    """Updates all jobs; without a folder that has one, the timer ends."""
     if bpy.app.is_job_running("RENDER"):
         # A render reads the objects that would be changed.
         return POLL_SECONDS
@@ -91,7 +94,11 @@ def tick() -> float | None:
             # The scene was deleted: its job goes on, and there is nothing to show it in.
             del followed[number]
     ending[:] = [process for process in ending if process.poll() is None]
-    return POLL_SECONDS if followed or ending else None
+    if followed or ending:
+        return POLL_SECONDS
+    if any([find_job(scene, again=True) for scene in scenes.values()]):
+        redraw()
+    return POLL_SECONDS if followed else IDLE_SECONDS if jobs else None
 
 
 def is_editing() -> bool:
@@ -230,26 +237,22 @@ def saved(*_) -> None:
         find_job(scene)
 
 
-def saved_again() -> None:
-    """Finds jobs that another program has started since the last look."""
-    for scene in bpy.data.scenes:
-        find_job(scene, again=True)
-
-
-def find_job(scene: bpy.types.Scene, again: bool = False) -> None:
-    """Takes the last job of a scene's folder, unless it is known; `again` if another program may have started a newer one."""
+def find_job(scene: bpy.types.Scene, again: bool = False) -> bool:
+    """Takes the last job of a scene's folder, unless it is known; whether it did. `again` if another Blender may have started a newer one."""
     root = root_of(scene)
-    if root is None or (str(root) in jobs and not again):
-        return
+    known = jobs.get(str(root)) if root is not None else None
+    if root is None or (known is not None and not (again and run.last_id(root) != known.description.get("id"))):
+        return False
     job = run.attach(root)
-    if job is None or (str(root) in jobs and jobs[str(root)].description.get("id") == job.description.get("id")):
-        return
+    if job is None:
+        return False
     jobs[str(root)] = job
+    ensure_timer()
     if job.is_running and scene.session_uid not in followed:
         followed[scene.session_uid] = job
         if is_own(scene, job):
             watch(job)
-        ensure_timer()
+    return True
 
 
 def is_own(scene: bpy.types.Scene, job: run.Job) -> bool:
@@ -261,8 +264,12 @@ def is_own(scene: bpy.types.Scene, job: run.Job) -> bool:
     return is_of_file and started_in == scene.name
 
 
+def folder_changed(shot: bpy.types.PropertyGroup, _context: bpy.types.Context) -> None:
+    find_job(shot.id_data)
+
+
 def register() -> None:
-    settings.updates["folder"] = lambda shot, _context: find_job(shot.id_data)
+    settings.updates["folder"] = folder_changed
     bpy.app.handlers.load_post.append(opened)
     bpy.app.handlers.save_post.append(saved)
     # While an extension is being switched on, the open file cannot be read.
