@@ -266,16 +266,16 @@ def check_kinds(folder: Path) -> None:
     """Every entry of the menu makes a scene that the engine accepts."""
     kinds = list(scene_module("add").KINDS)
     check(len(kinds) == 13, "the menu has thirteen entries", kinds)
-    for apart in ({"body"}, {"cloth", "smoke"}):
-        scene = fresh(folder / "-".join(sorted(apart)))
-        for kind in (kind for kind in kinds if kind not in ({"body", "cloth", "smoke"} - apart)):
+    for chosen in ({"body"}, {"cloth", "smoke"}):
+        scene = fresh(folder / "-".join(sorted(chosen)))
+        for kind in (kind for kind in kinds if kind not in ({"body", "cloth", "smoke"} - chosen)):
             made = add(kind)
             check(made.meniscus.role != "NONE", f"{made.name} has a role")
         scene.meniscus.liquid.spacing = 0.05
         scene.meniscus.use_whitewater = True
-        data, _ = write(scene, f"all kinds with {' and '.join(sorted(apart))}")
+        data, _ = write(scene, f"all kinds with {' and '.join(sorted(chosen))}")
         check("whitewater" in data, "whitewater has its table")
-        if "cloth" in apart:
+        if "cloth" in chosen:
             for kind in ("cloth", "smoke"):
                 second = add(kind)
                 second.location.x = 3.0

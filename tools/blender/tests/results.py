@@ -68,8 +68,8 @@ def stage_bodies(folder: Path) -> None:
         pose = motion["poses"][5]
         world = (rest @ np.array(Quaternion(pose[3:]).to_matrix()).T + pose[:3]) / UNIT
         found = evaluated_points(shown, 6)
-        apart = max(np.abs(world - point).max(axis=1).min() for point in found)
-        check(apart < 1e-3, f"{name} is where the engine has it in the last frame", apart)
+        distance = max(np.abs(world - point).max(axis=1).min() for point in found)
+        check(distance < 1e-3, f"{name} is where the engine has it in the last frame", distance)
         fallen = float((start[name] - found)[:, 2].mean())
         check(0.3 < fallen * UNIT / (0.5 * 9.81 * (5.0 / 24.0) ** 2) < 1.3, f"{name} falls in metres", fallen)
         source = bpy.data.objects[name]

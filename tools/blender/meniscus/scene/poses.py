@@ -103,11 +103,11 @@ def needed(frames: list[int], vectors: list[np.ndarray]) -> list[int]:
 
 def on_line(frames: list[int], vectors: list[np.ndarray], first: int, between: int, last: int) -> bool:
     """Whether a pose is on the line between two others, without a turn."""
-    one, other = vectors[first], vectors[last]
-    if np.abs(one[3:7] - other[3:7]).max() > 0.0 or np.abs(one[3:7] - vectors[between][3:7]).max() > 0.0:
+    start, end = vectors[first], vectors[last]
+    if np.abs(start[3:7] - end[3:7]).max() > 0.0 or np.abs(start[3:7] - vectors[between][3:7]).max() > 0.0:
         return False
     part = (frames[between] - frames[first]) / (frames[last] - frames[first])
-    return is_near(vectors[between], one + part * (other - one), one)
+    return is_near(vectors[between], start + part * (end - start), start)
 
 
 def kept_values(frames: list[int], values: list[float]) -> list[int]:

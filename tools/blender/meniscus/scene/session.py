@@ -161,6 +161,11 @@ def show_result(scene: bpy.types.Scene, job: run.Job) -> None:
         except ShotError as error:
             job.error = str(error)
     select(layer, selected, active)
+    if window:
+        # The next Undo takes back what the artist does after this, not the result.
+        with bpy.context.temp_override(window=window):
+            if bpy.ops.ed.undo_push.poll():
+                bpy.ops.ed.undo_push(message="Meniscus Result")
 
 
 def select(layer: bpy.types.ViewLayer, selected: list[bpy.types.Object], active: bpy.types.Object | None) -> None:
