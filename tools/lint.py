@@ -31,7 +31,8 @@ def record_and_compile(arguments: list[str]) -> None:
     """Stands for rustc: notes the arguments of a crate, and runs it."""
     if "--crate-name" in arguments and value_of(arguments, "--crate-name") != "___":
         source = next(argument for argument in arguments if argument.endswith(".rs"))
-        hashed = next(argument for argument in arguments if argument.startswith("extra-filename="))
+        # A library for other languages has no hash in its name.
+        hashed = next((argument for argument in arguments if argument.startswith("extra-filename=")), "")
         name = value_of(arguments, "--crate-name") + hashed.removeprefix("extra-filename=")
         names = {key for key in os.environ if key.startswith("CARGO_") or key == "OUT_DIR"} - {"CARGO_MAKEFLAGS"}
         record = {"arguments": arguments, "source": source, "environment": {key: os.environ[key] for key in names}}

@@ -3,7 +3,7 @@
 use super::args::ProgressStyle;
 use crate::{
     control::{escape_into, printable},
-    preset::SceneError,
+    preset::{Problem, SceneError},
     run::RunError,
     sim::ElementCount,
 };
@@ -77,7 +77,11 @@ fn wants_colours() -> bool {
 pub(super) fn report_error(why: &RunError, style: ProgressStyle) {
     match style {
         ProgressStyle::Json => {
-            let data = serde_json::json!({ "text": why.to_string() });
+            let mut data = serde_json::json!({ "text": why.to_string() });
+            if let RunError::Scene(scene) = why {
+                data["problems"] = scene.problems().iter().map(problem_json).collect();
+                data["help"] = scene.help().into();
+            }
             return print_line(&serde_json::json!({ "event": "error", "data": data }).to_string());
         }
         ProgressStyle::Openjd => open_jd("fail", &why.to_string()),
@@ -96,6 +100,15 @@ pub(super) fn report_error(why: &RunError, style: ProgressStyle) {
         // Arguments that no shot takes are wrong in the same manner in all of them.
         diagnostics.collect::<BTreeSet<_>>().iter().for_each(|text| write_line(text));
     }
+}
+
+/// A problem of a preset with its place, what was found there, and the next step.
+fn problem_json(problem: &Problem) -> serde_json::Value {
+    let Problem { message, key, file, line, column, label, help, nearest, .. } = problem;
+    serde_json::json!({
+        "message": message, "key": key, "file": file, "line": line, "column": column, "label": label, "help": help,
+        "nearest": nearest,
+    })
 }
 
 /// The numbers of a system's elements.

@@ -6,8 +6,10 @@
 //! use: `position` [m], `velocity` [m/s], `id` (stable over time), `age` [s], `source` (its number, from 0),
 //! `density` [kg/m³], `microrotation` [1/s].
 
+mod columns;
 mod kind;
 
+pub use columns::{Column, Columns};
 pub use kind::StreamKind;
 
 use crate::math::Vec3;

@@ -11,7 +11,7 @@
 //! Limits: where the particles around lie in a plane or on a line, G contains only the motion along it.
 
 use crate::{
-    frame::{Channel, ChannelData, Stream},
+    frame::{Channel, ChannelData, Column, Columns},
     math::Vec3,
     par,
     space::CellGrid,
@@ -42,12 +42,13 @@ enum Source<'a> {
 ///
 /// # Panics
 /// If there are no positions.
-pub fn transfer(
-    particles: &Stream,
+pub fn transfer<'a>(
+    particles: impl Into<Columns<'a>>,
     names: Option<&[String]>,
     vertices: &[Vec3],
     radius: f32,
 ) -> Result<(Vec<Channel>, usize), String> {
+    let particles = &particles.into();
     let default: Vec<String> = particles.vec3("velocity").iter().map(|_| "velocity".to_owned()).collect();
     let names = names.unwrap_or(&default);
     let sources: Vec<Source> = names
@@ -64,11 +65,11 @@ pub fn transfer(
 }
 
 /// The source of an attribute of that name.
-fn source<'a>(particles: &'a Stream, name: &str) -> Option<Source<'a>> {
-    match particles.channel(name) {
-        Some(ChannelData::Vec3(values)) => Some(Source::Vectors(values)),
-        Some(ChannelData::F32(values)) => Some(Source::Numbers(values)),
-        Some(ChannelData::U32(values)) => Some(Source::Integers(values)),
+fn source<'a>(particles: &Columns<'a>, name: &str) -> Option<Source<'a>> {
+    match particles.column(name) {
+        Some(Column::Vec3(values)) => Some(Source::Vectors(values)),
+        Some(Column::F32(values)) => Some(Source::Numbers(values)),
+        Some(Column::U32(values)) => Some(Source::Integers(values)),
         None if name == "vorticity" => particles.vec3("velocity").map(Source::Curl),
         None => None,
     }

@@ -15,14 +15,14 @@ use super::{
     normals_from_faces, normals_from_field, remove_small,
     smooth::{Depths, Smoothed, smooth_by_depth},
 };
-use crate::{control::CancelToken, field::Density, frame::Stream, math::Vec3, par, sdf::SignedDistance};
+use crate::{control::CancelToken, field::Density, frame::Columns, math::Vec3, par, sdf::SignedDistance};
 use std::time::Instant;
 
 /// What a surface is made of.
 #[derive(Clone, Copy)]
 pub(super) struct Input<'a> {
     /// The particles, near the origin.
-    pub(super) particles: &'a Stream,
+    pub(super) particles: &'a Columns<'a>,
     /// The solids that the surface is fitted to.
     pub(super) solids: &'a [PlacedSolid<'a>],
     pub(super) params: &'a SurfaceParams,

@@ -1,6 +1,6 @@
 //! What can be wrong with a reconstruction.
 
-use crate::frame::Stream;
+use crate::frame::Columns;
 
 /// Errors of a reconstruction.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -40,8 +40,8 @@ pub enum SurfaceError {
 
 impl SurfaceError {
     /// The error that lists the existing channels.
-    pub(super) fn no_channel(name: String, particles: &Stream) -> Self {
-        let names: Vec<&str> = particles.channels().iter().map(|channel| channel.name.as_str()).collect();
+    pub(super) fn no_channel(name: String, particles: &Columns) -> Self {
+        let names: Vec<&str> = particles.columns().iter().map(|&(name, _)| name).collect();
         Self::NoChannel { name, existing: names.join(", ") }
     }
 }

@@ -11,7 +11,7 @@
 //! world.
 
 use crate::{
-    frame::{ChannelData, Stream},
+    frame::{ChannelData, Column, Columns, Stream, StreamKind},
     grid::BRICK,
     math::Vec3,
     par,
@@ -53,38 +53,34 @@ pub(super) fn local_origin(positions: &[Vec3], voxel: f32) -> Option<nalgebra::V
 }
 
 /// The particles in the frame of `origin` [m].
-pub(super) fn in_local_frame(particles: &Stream, origin: &nalgebra::Vector3<f64>) -> Stream {
-    mapped(particles, |name, data| match data {
-        ChannelData::Vec3(values) if name == "position" => {
-            let mut moved = values.clone();
+pub(super) fn in_local_frame(particles: &Columns, origin: &nalgebra::Vector3<f64>) -> Stream {
+    mapped(particles, particles.len(), |name, column| match column {
+        Column::Vec3(values) if name == "position" => {
+            let mut moved = values.to_vec();
             par::update(&mut moved, |_, x| *x = to_frame(x, origin));
             moved.into()
         }
-        other => other.clone(),
+        other => other.to_data(),
     })
 }
 
 /// Some of the particles.
-pub(super) fn selected(particles: &Stream, kept: &[u32]) -> Stream {
+pub(super) fn selected(particles: &Columns, kept: &[u32]) -> Stream {
     fn of<T: Clone>(values: &[T], kept: &[u32]) -> Vec<T> {
         kept.iter().map(|&i| values[i as usize].clone()).collect()
     }
-    let few = |data: &ChannelData| -> ChannelData {
-        match data {
-            ChannelData::F32(values) => of(values, kept).into(),
-            ChannelData::Vec3(values) => of(values, kept).into(),
-            ChannelData::U32(values) => of(values, kept).into(),
-        }
-    };
-    let stream = Stream::new(particles.name.clone(), particles.kind, kept.len());
-    particles.channels().iter().fold(stream, |stream, channel| stream.with(&channel.name, few(&channel.data)))
+    mapped(particles, kept.len(), |_, column| match column {
+        Column::F32(values) => of(values, kept).into(),
+        Column::Vec3(values) => of(values, kept).into(),
+        Column::U32(values) => of(values, kept).into(),
+    })
 }
 
-/// A stream with its channels changed.
-fn mapped(particles: &Stream, change: impl Fn(&str, &ChannelData) -> ChannelData) -> Stream {
-    let stream = Stream::new(particles.name.clone(), particles.kind, particles.len());
-    let changed = particles.channels().iter();
-    changed.fold(stream, |stream, channel| stream.with(&channel.name, change(&channel.name, &channel.data)))
+/// A stream of `len` entries, whose channels are made of the columns.
+fn mapped(particles: &Columns, len: usize, change: impl Fn(&str, Column) -> ChannelData) -> Stream {
+    let stream = Stream::new("particles", StreamKind::Particles, len);
+    let columns = particles.columns().iter();
+    columns.fold(stream, |stream, &(name, column)| stream.with(name, change(name, column)))
 }
 
 fn to_frame(x: &Vec3, origin: &nalgebra::Vector3<f64>) -> Vec3 {
@@ -94,8 +90,6 @@ fn to_frame(x: &Vec3, origin: &nalgebra::Vector3<f64>) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::StreamKind;
-
     #[test]
     fn the_frame_is_that_of_the_world_unless_all_are_far_and_together() {
         let block = |at: f32, width: f32| -> Vec<Vec3> {
@@ -116,11 +110,11 @@ mod tests {
         let stream = Stream::new("liquid", StreamKind::Particles, far.len())
             .with("id", (0..far.len() as u32).collect::<Vec<_>>())
             .with("position", far.clone());
-        let moved = in_local_frame(&stream, &origin);
+        let moved = in_local_frame(&(&stream).into(), &origin);
         assert_eq!(moved.u32("id"), stream.u32("id"));
         let back = moved.vec3("position").unwrap()[999].cast::<f64>() + origin;
         assert!((back - far[999].cast::<f64>()).amax() < 1e-6, "{back}");
-        let one = selected(&stream, &[999]);
+        let one = selected(&(&stream).into(), &[999]);
         assert_eq!(
             (one.len(), one.u32("id").unwrap(), one.vec3("position").unwrap()[0]),
             (1, &[999][..], far[999])

@@ -2,7 +2,7 @@
 
 use super::{SmoothingMask, SurfaceError, transfer};
 use crate::{
-    frame::{ChannelData, Stream},
+    frame::{ChannelData, Columns},
     math::Vec3,
 };
 
@@ -13,7 +13,7 @@ impl SmoothingMask {
     /// [`SurfaceError::NoChannel`] if the particles lack the attribute.
     pub(super) fn weights(
         &self,
-        particles: &Stream,
+        particles: &Columns,
         points: &[Vec3],
         radius: f32,
     ) -> Result<Vec<f32>, SurfaceError> {

@@ -2,7 +2,7 @@
 
 use super::{RadiusSource, SurfaceError, SurfaceParams};
 use crate::{
-    frame::{ChannelData, Stream},
+    frame::{Column, Columns},
     par,
 };
 
@@ -27,23 +27,22 @@ impl RadiusScales {
     ///
     /// # Errors
     /// [`SurfaceError::NoRadius`] if the particles have no radius.
-    pub(crate) fn of(
-        particles: &Stream,
+    pub(crate) fn of<'a>(
+        particles: impl Into<Columns<'a>>,
         spacing: f32,
         params: &SurfaceParams,
     ) -> Result<Option<Self>, SurfaceError> {
         let Some(RadiusSource::Attribute) = params.radius else { return Ok(None) };
+        let particles = particles.into();
         let named = |name: &str| {
-            let mut channels = particles.channels().iter();
-            channels.find(|channel| channel.name.eq_ignore_ascii_case(name)).map(|channel| &channel.data)
+            let mut columns = particles.columns().iter();
+            columns.find(|(known, _)| known.eq_ignore_ascii_case(name)).map(|&(_, column)| column)
         };
         let inverse = 2.0 / spacing;
         let scales: Vec<f32> =
-            match NAMES.into_iter().filter_map(named).find(|data| !matches!(data, ChannelData::Vec3(_))) {
-                Some(ChannelData::F32(radii)) => radii.iter().map(|radius| radius * inverse).collect(),
-                Some(ChannelData::U32(radii)) => {
-                    radii.iter().map(|&radius| radius as f32 * inverse).collect()
-                }
+            match NAMES.into_iter().filter_map(named).find(|data| !matches!(data, Column::Vec3(_))) {
+                Some(Column::F32(radii)) => radii.iter().map(|radius| radius * inverse).collect(),
+                Some(Column::U32(radii)) => radii.iter().map(|&radius| radius as f32 * inverse).collect(),
                 _ => return Err(SurfaceError::NoRadius),
             };
         let [min, max] = RANGE;
@@ -69,7 +68,10 @@ impl RadiusScales {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{frame::StreamKind, math::Vec3};
+    use crate::{
+        frame::{ChannelData, Stream, StreamKind},
+        math::Vec3,
+    };
 
     #[test]
     fn radii_are_scales_within_their_range() {

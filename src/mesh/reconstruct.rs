@@ -24,7 +24,7 @@ use super::{
 use crate::{
     control::CancelToken,
     field::{DensityParams, density_of_radii, thinned},
-    frame::Stream,
+    frame::{Columns, Stream},
     math::Vec3,
     par,
     sdf::{SdfParams, SignedDistance, from_density},
@@ -47,8 +47,8 @@ pub struct Surface {
     pub stats: SurfaceStats,
 }
 
-/// Reconstructs the surface of `particles` (channel `position` [m], optionally `velocity` [m/s]) with a rest
-/// spacing of `spacing` [m]. `cancel` is checked after every pass.
+/// Reconstructs the surface of `particles` (a [`Stream`] or borrowed [`Columns`]: `position` [m], optionally `velocity` [m/s]) with
+/// a rest spacing of `spacing` [m]. `cancel` is checked after every pass.
 ///
 /// The result depends on the particles and parameters alone, not on threads. Far from the origin the mesh has
 /// an origin of its own.
@@ -58,8 +58,8 @@ pub struct Surface {
 ///
 /// # Panics
 /// If `spacing` or a parameter is out of its range.
-pub fn reconstruct(
-    particles: &Stream,
+pub fn reconstruct<'a>(
+    particles: impl Into<Columns<'a>>,
     spacing: f32,
     params: &SurfaceParams,
     cancel: &CancelToken,
@@ -74,20 +74,22 @@ pub fn reconstruct(
 ///
 /// # Panics
 /// As [`reconstruct`].
-pub fn reconstruct_at_solids(
-    particles: &Stream,
+pub fn reconstruct_at_solids<'a>(
+    particles: impl Into<Columns<'a>>,
     spacing: f32,
     params: &SurfaceParams,
     solids: &[PlacedSolid],
     cancel: &CancelToken,
 ) -> Result<Surface, SurfaceError> {
+    let particles = &particles.into();
     let moved = local_origin(positions(particles)?, params.voxel * spacing)
         .map(|origin| (origin, in_local_frame(particles, &origin)));
     let Some((origin, moved)) = moved else {
         return in_its_frame(Input { particles, solids, params, spacing }, cancel);
     };
     let solids: Vec<PlacedSolid> = solids.iter().map(|solid| solid.in_frame(&origin)).collect();
-    let mut surface = in_its_frame(Input { particles: &moved, solids: &solids, params, spacing }, cancel)?;
+    let particles = &Columns::from(&moved);
+    let mut surface = in_its_frame(Input { particles, solids: &solids, params, spacing }, cancel)?;
     surface.mesh.origin = origin;
     if let Some(points) = &mut surface.points {
         points.origin = origin;
@@ -128,8 +130,10 @@ fn in_its_frame(input: Input, cancel: &CancelToken) -> Result<Surface, SurfaceEr
         nodes_on_surface: distance.as_ref().map_or(0, |distance| distance.on_surface),
         ..SurfaceStats::default()
     };
-    let without_clusters =
-        (stats.clustered_particles > 0).then(|| without_clusters(particles, scales, spacing, params));
+    let without_clusters = (stats.clustered_particles > 0)
+        .then(|| without_clusters(particles, scales, spacing, params))
+        .flatten();
+    let without_clusters = without_clusters.as_ref().map(Columns::from);
     let particles = without_clusters.as_ref().unwrap_or(particles);
     let input = Input { particles, ..input };
     let CleanedMesh { mut mesh, mut points, known } = if params.has_no_cleanup() {
@@ -164,31 +168,31 @@ fn without_level(mut distance: SignedDistance, offset: f32, voxel: f32) -> Signe
 ///
 /// # Errors
 /// [`SurfaceError::NoPositions`] or [`SurfaceError::NotFinite`].
-pub fn positions(particles: &Stream) -> Result<&[Vec3], SurfaceError> {
-    let positions = particles.vec3("position").ok_or(SurfaceError::NoPositions)?;
+pub fn positions<'a>(particles: impl Into<Columns<'a>>) -> Result<&'a [Vec3], SurfaceError> {
+    let positions = particles.into().vec3("position").ok_or(SurfaceError::NoPositions)?;
     match positions.iter().position(|x| !x.iter().all(|x| x.is_finite())) {
         Some(particle) => Err(SurfaceError::NotFinite { particle }),
         None => Ok(positions),
     }
 }
 
-/// The particles without the surplus of dense clusters, as the density has them.
+/// The particles without the surplus of dense clusters, as the density has them; `None` if there is no surplus.
 fn without_clusters(
-    particles: &Stream,
+    particles: &Columns,
     scales: Option<&[f32]>,
     spacing: f32,
     params: &SurfaceParams,
-) -> Stream {
+) -> Option<Stream> {
     let positions = particles.vec3("position").unwrap_or_default();
     let cells = CellGrid::new(positions, params.kernel_radius * spacing);
     let kept = thinned(&cells, positions, scales, spacing);
-    kept.map_or_else(|| particles.clone(), |kept| selected(particles, &kept))
+    kept.map(|kept| selected(particles, &kept))
 }
 
 /// Transfers attributes from the particles to vertices and points; returns how many came from the nearest
 /// particle.
 fn transfer_attributes(
-    particles: &Stream,
+    particles: &Columns,
     params: &SurfaceParams,
     spacing: f32,
     mesh: &mut Mesh,

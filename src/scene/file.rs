@@ -187,12 +187,12 @@ fn read(
     Some(scene)
 }
 
-/// The surface that `key=value` arguments (`surface.voxel=0.25`) make of a tier, for particles without a preset; without a tier, of
-/// the defaults.
+/// Parameters of a surface from a tier and `key=value` settings (`surface.voxel=0.25`), checked like a preset's. Without a tier they
+/// start from the defaults.
 ///
 /// # Errors
 /// [`SceneError::Invalid`] with every problem found.
-pub(crate) fn surface_alone(quality: Option<Quality>, set: &[String]) -> Result<SurfaceParams, SceneError> {
+pub fn surface_params(quality: Option<Quality>, set: &[String]) -> Result<SurfaceParams, SceneError> {
     #[derive(Deserialize, JsonSchema)]
     #[serde(deny_unknown_fields)]
     struct Alone {

@@ -13,6 +13,6 @@ pub use crate::{
 };
 #[cfg(any(test, feature = "fuzzing"))]
 pub(crate) use file::decode;
-pub use file::{Overrides, Preset, load};
-pub(crate) use file::{product_settings, surface_alone};
+pub(crate) use file::product_settings;
+pub use file::{Overrides, Preset, load, surface_params};
 pub use quality::{Quality, UnknownQuality};

@@ -60,11 +60,11 @@ impl FromStr for Quality {
 mod tests {
     use super::*;
     use crate::mesh::SurfaceParams;
-    use crate::scene::{Overrides, Scene, builtin, load, surface_alone};
+    use crate::scene::{Overrides, Scene, builtin, load, surface_params};
 
     #[test]
     fn the_final_tier_of_surfaces_is_that_of_the_liquid_presets() {
-        let surface = |quality| surface_alone(Some(quality), &[]).unwrap();
+        let surface = |quality| surface_params(Some(quality), &[]).unwrap();
         let last = surface(Quality::Final);
         let mut liquids = 0;
         for (name, _) in builtin::all() {

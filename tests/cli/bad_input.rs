@@ -26,6 +26,26 @@ fn presets_that_are_not_there_or_not_right() {
 }
 
 #[test]
+fn programs_get_problems_with_their_place() {
+    let desk = Desk::new();
+    let error = |line: &str| {
+        let (_, talk) = desk.run(line, 2);
+        let event: serde_json::Value = serde_json::from_str(talk.trim()).unwrap();
+        assert_eq!(event["event"], "error", "{talk}");
+        event["data"].clone()
+    };
+    let found = error("simulate small.toml --set liquid.cfl=99 --progress json");
+    assert_eq!(found["text"], "`liquid.cfl` is out of range");
+    let problem = &found["problems"][0];
+    let place = [&problem["key"], &problem["file"], &problem["line"], &problem["column"]];
+    assert_eq!(place, [&"liquid.cfl".into(), &"--set".into(), &serde_json::json!(1), &serde_json::json!(12)]);
+    assert!(problem["label"].as_str().unwrap().starts_with("found 99, expected"), "{problem}");
+    let found = error("simulate nope --progress json");
+    assert_eq!(found["problems"].as_array().unwrap().len(), 0);
+    assert!(found["help"].as_str().unwrap().contains("`dam-break`"), "{found}");
+}
+
+#[test]
 fn a_cache_of_other_settings_is_refused_until_forced() {
     let desk = Desk::new();
     desk.run("simulate small.toml --frames 1-3", 0);

@@ -2,7 +2,7 @@
 
 use meniscus::{
     control::CancelToken,
-    frame::{ChannelData, Stream, StreamKind},
+    frame::{ChannelData, Column, Columns, Stream, StreamKind},
     grid::{BRICK, BRICK_NODES, Bricks, SparseGrid, offset},
     math::Vec3,
     mesh::{
@@ -464,6 +464,15 @@ fn particles_become_a_sound_surface_of_their_volume() {
     }
     assert!(stats.normals_from_faces * 100 < stats.vertices, "{stats:?}");
 
+    // Borrowed columns give the same, and are read where they are.
+    let (positions, velocity) = (ball.vec3("position").unwrap(), ball.vec3("velocity").unwrap());
+    let borrowed = Columns::new(ball.len())
+        .with("position", Column::Vec3(positions))
+        .with("velocity", Column::Vec3(velocity));
+    assert_eq!(borrowed.vec3("position").unwrap().as_ptr(), positions.as_ptr());
+    let again = reconstruct(&borrowed, 0.1, &params, &CancelToken::new()).unwrap();
+    assert!(again.mesh == surface.mesh && again.check == surface.check);
+
     // The same bytes for any number of threads.
     for threads in [1, 2, 3, 8] {
         let again =
@@ -536,4 +545,11 @@ fn a_cancelled_reconstruction_gives_no_surface() {
     }
     token.cancel();
     assert!(reconstruct(&ball, 0.1, &params, &token).is_err_and(|why| why == SurfaceError::Interrupted));
+}
+
+#[test]
+#[should_panic(expected = "column velocity has the length of the others")]
+fn borrowed_columns_have_one_length() {
+    let x = [Vec3::zeros(); 2];
+    let _ = Columns::new(2).with("position", Column::Vec3(&x)).with("velocity", Column::Vec3(&x[..1]));
 }

@@ -29,7 +29,7 @@ import numpy as np
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tools/python"))
 
-import meniscus_cache  # noqa: E402
+from meniscus_fx import cache as meniscus_cache  # noqa: E402
 
 SCENES = {
     "column": {"spacing": 1 / 64, "box": [0.125, 0.125, 1], "tank": [0.125, 0.125, 2]},

@@ -24,7 +24,7 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "python"))
-import meniscus_cache  # noqa: E402  (found through the line above)
+from meniscus_fx import cache as meniscus_cache  # noqa: E402  (found through the line above)
 
 
 def spline(q):

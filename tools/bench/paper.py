@@ -7,7 +7,7 @@
 
 Runs `meniscus simulate` with the release binary in a folder that is deleted afterwards. Figures are of drafts, about
 10 000 particles; tables are of the presets as written, for a few frames. Needs numpy and zstandard, as
-tools/python/meniscus_cache.py does; plots are written as SVG by hand.
+tools/python/meniscus_fx/cache.py does; plots are written as SVG by hand.
 """
 
 import argparse
@@ -27,7 +27,7 @@ from plot import plot
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tools/python"))
 
-import meniscus_cache  # noqa: E402
+from meniscus_fx import cache as meniscus_cache  # noqa: E402
 
 # Of the presets [m/s²], along −z.
 GRAVITY = 9.81

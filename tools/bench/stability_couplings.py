@@ -131,7 +131,7 @@ def below(path):
     import numpy
 
     sys.path.insert(0, str(ROOT / "tools/python"))
-    import meniscus_cache
+    from meniscus_fx import cache as meniscus_cache
 
     streams = meniscus_cache.read(path)["streams"]
     x = streams["liquid"]["channels"]["position"].astype(float)

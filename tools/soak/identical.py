@@ -15,7 +15,7 @@ vertices, normals and faces of OBJ; transforms, trees and values of VDB grids; p
 and metadata are left out, and so are logs, manifests and anything that holds a time of day.
 
 Hashes hold for one instruction set and one version of zstd and Blosc: record and compare on one machine where they
-differ. Needs numpy and zstandard (see tools/python/README.md).
+differ. Needs numpy and zstandard (and tools/python/meniscus_fx/cache.py).
 """
 
 import argparse
@@ -33,7 +33,7 @@ import time
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tools" / "python"))
 
-import meniscus_cache  # noqa: E402
+from meniscus_fx import cache as meniscus_cache  # noqa: E402
 
 # Frames, the last ones, of which products are made that a preset does not name.
 EXTRA_FRAMES = 3

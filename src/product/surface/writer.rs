@@ -20,7 +20,7 @@ use crate::{
         tradeoff::figure,
     },
     mesh::{
-        self, Mesh, MeshCheck, PlacedSolid, RadiusScales, Surface, SurfaceError, SurfaceParams, SurfaceStats,
+        self, Mesh, MeshCheck, PlacedSolid, RadiusScales, Surface, SurfaceError, SurfaceParams,
         degenerate_in_world_frame, reconstruct_at_solids,
     },
     par,
@@ -208,45 +208,10 @@ fn figures(record: &MeshRecord, surface: &Surface, spacing: f32) -> String {
         difference.unwrap_or_default(),
         record.components,
     );
-    for remark in remarks(&surface.stats).into_iter().chain(rounding_remark(&surface.mesh, spacing)) {
+    for remark in
+        nonzero(&surface.stats.adjustments()).into_iter().chain(rounding_remark(&surface.mesh, spacing))
+    {
         line += &format!("  {remark}");
     }
     line
-}
-
-/// Differences of a surface from the isosurface of the density.
-fn remarks(stats: &SurfaceStats) -> Vec<String> {
-    let components = stats.components.unwrap_or_default();
-    let smoothing = stats.smoothing.unwrap_or_default();
-    let contact = stats.contact.unwrap_or_default();
-    let decimation = stats.decimation.unwrap_or_default();
-    nonzero(&[
-        (stats.cavities.closed as u64, "small cavities closed"),
-        (stats.cavities.droplets as u64, "droplets in these cavities removed"),
-        (components.points as u64, "small components replaced by points"),
-        (components.bubbles as u64, "small bubbles filled"),
-        (
-            smoothing.restored_vertices as u64,
-            "vertices left unsmoothed because triangles would fold or components would shrink",
-        ),
-        (
-            smoothing.partly_smoothed_vertices as u64,
-            "vertices smoothed in part because components would shrink",
-        ),
-        (contact.restored as u64, "vertices not fitted to colliders because triangles would fold"),
-        (contact.inside as u64, "vertices too deep inside of colliders to be fitted"),
-        (decimation.unsuitable.into(), "open mesh not decimated"),
-        (decimation.over_target as u64, "triangles above the target of the decimation"),
-        (stats.too_far_particles as u64, "particles too far from the origin, left out"),
-        (stats.limited_radii as u64, "radii limited to an eighth of the spacing and to twice the spacing"),
-        (stats.unseen_particles as u64, "particles between grid nodes, without effect (surface.voxel)"),
-        (
-            stats.clustered_particles as u64,
-            "particles left out of clusters of more than 8 in a cube of half a spacing (check the spacing)",
-        ),
-        (stats.contour.unbounded_vertices as u64, "vertices next to values that are not finite"),
-        (stats.contour.cut_cells as u64, "cells cut off by missing bricks, cavities stay open"),
-        (stats.normals_from_faces as u64, "normals from faces"),
-        (stats.attributes_from_nearest as u64, "attributes from the nearest particle"),
-    ])
 }

@@ -3,7 +3,7 @@
 use crate::{
     job::{RunError, tradeoff::Setting},
     run::vary::{Vary, combinations},
-    scene::{Overrides, Preset, Quality, Scene, SceneError, surface_alone},
+    scene::{Overrides, Preset, Quality, Scene, SceneError, surface_params},
     sim::scene::plain_values,
     sim::tradeoff::{Axis, Change, Subject, Sweep, refine, refined},
 };
@@ -33,7 +33,7 @@ impl Origin<'_> {
         match self {
             Self::Preset(preset) => Scene::from_preset(preset, overrides),
             Self::Particles(scene) => {
-                Ok(Scene { surface: surface_alone(overrides.quality, &overrides.set)?, ..(*scene).clone() })
+                Ok(Scene { surface: surface_params(overrides.quality, &overrides.set)?, ..(*scene).clone() })
             }
         }
     }
@@ -48,7 +48,7 @@ impl Origin<'_> {
             Self::Particles(_) => {
                 let table = toml::Value::try_from(plain_values(&scene.surface));
                 let table = table.expect("settings have only values that TOML can hold");
-                surface_alone(None, &[format!("surface={table}")]).map(drop)
+                surface_params(None, &[format!("surface={table}")]).map(drop)
             }
         }
     }

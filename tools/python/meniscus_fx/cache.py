@@ -1,22 +1,29 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
 """Reads Meniscus cache frames (frame_0001.mcf) into numpy arrays. Read-only.
+
+    python -m meniscus_fx.cache frame_0001.mcf      # prints what is there
 
 Needs numpy and zstandard; checks every checksum where xxhash is installed.
 The format is described in docs/formats/cache.md.
 
-    import meniscus_cache
-    frame = meniscus_cache.read("cache/frame_0001.mcf")
+    from meniscus_fx import cache
+    frame = cache.read("cache/frame_0001.mcf")
     frame["streams"]["liquid"]["channels"]["position"]    # float32, shape (n, 3) [m]
 """
 
+from __future__ import annotations
+
+import os
 import struct
 import sys
+from typing import Any
 
 import numpy
 
 try:
     import xxhash
 except ImportError:
-    xxhash = None
+    xxhash = None  # type: ignore[assignment, unused-ignore]
 
 MAGIC = b"\x89MCF\r\n\x1a\n"
 END = b"MCF-END\n"
@@ -29,13 +36,13 @@ class CacheError(Exception):
     """The file is not a whole frame of this version."""
 
 
-def read_header(path):
+def read_header(path: str | os.PathLike[str]) -> dict[str, Any]:
     """The fields of the frame's header, without the columns."""
     with open(path, "rb") as file:
         return _header(path, file.read())[0]
 
 
-def read(path):
+def read(path: str | os.PathLike[str]) -> dict[str, Any]:
     """The frame: header fields, and every channel as an array.
 
     {"key", "frame", "time", "tool", "streams": {name: {"len", "kind", "scalars": {..}, "channels": {name: array}}}}
@@ -78,19 +85,19 @@ def read(path):
     return frame
 
 
-def _compare(place, data, expected):
+def _compare(place: str, data: bytes, expected: int) -> None:
     if xxhash is not None and xxhash.xxh3_64_intdigest(data) != expected:
         raise CacheError(f"{place}: the checksum differs, expected {expected:016x}: the file is damaged")
 
 
-def _kind_in_version_1(name):
+def _kind_in_version_1(name: str) -> str:
     """The kind of a stream of that name, which version 1 does not store."""
     if name.startswith("sheet."):
         return "mesh_faces" if name.endswith(".faces") else "mesh_points"
     return {"liquid": "particles", "smoke": "vortons", "smoke_tracers": "tracers"}.get(name, "unknown")
 
 
-def _header(path, data):
+def _header(path: str | os.PathLike[str], data: bytes) -> tuple[dict[str, Any], list[tuple[str, str, int]], int, int]:
     """Header fields, (stream, channel, type) of every column, start of the columns, checksum of the header."""
     if data[:8] != MAGIC or len(data) < 48:
         raise CacheError(f"{path}: found {data[:8]!r}, expected a cache frame")
@@ -103,19 +110,20 @@ def _header(path, data):
     _compare(f"{path}: header", data[:16] + header, checksum)
     at = 0
 
-    def take(form):
+    def take(form: str) -> Any:
         nonlocal at
         values = struct.unpack_from(form, header, at)
         at += struct.calcsize(form)
         return values[0] if len(values) == 1 else values
 
-    def text():
-        return take(f"{take('<I')}s").decode("utf-8")
+    def text() -> str:
+        return str(take(f"{take('<I')}s"), "utf-8")
 
     try:
         key, index, time = take("<QId")
         frame = {"key": key, "frame": index, "time": time, "tool": text(), "entries_in_chunk": take("<I")}
-        frame["streams"], columns = {}, []
+        columns: list[tuple[str, str, int]] = []
+        frame["streams"] = {}
         for _ in range(take("<I")):
             name = text()
             kind = _kind_in_version_1(name) if version == 1 else KINDS.get(take("<B"), "unknown")
@@ -131,7 +139,7 @@ def _header(path, data):
     return frame, columns, 24 + length, checksum
 
 
-def main():
+def main() -> None:
     for path in sys.argv[1:]:
         frame = read(path)
         checked = "checksums match" if xxhash else "checksums not compared (pip install xxhash)"

@@ -1,6 +1,6 @@
 """Tests the reader on frames that the tool wrote, and compares them with the tool's own report.
 
-    MENISCUS=target/release/meniscus MENISCUS_SHOT=dam-break python -m unittest discover tools/python
+    MENISCUS=target/release/meniscus MENISCUS_SHOT=dam-break python -m unittest discover -s tools/python/tests
 
 MENISCUS is the path of the binary, MENISCUS_SHOT a shot folder with cached frames. MENISCUS_CACHE=frame_0001.mcf
 alone reads one frame and leaves the comparison with the binary out. With none of them every test is skipped.
@@ -15,7 +15,7 @@ import unittest
 
 import numpy
 
-import meniscus_cache
+from meniscus_fx import cache as meniscus_cache
 
 MENISCUS = os.environ.get("MENISCUS")
 SHOT = os.environ.get("MENISCUS_SHOT")

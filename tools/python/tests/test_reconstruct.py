@@ -1,0 +1,276 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Tests surfaces of arrays: `reconstruct` of the installed package (docs/python.md)."""
+
+import concurrent.futures
+import gc
+import multiprocessing
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+import warnings
+
+import numpy
+
+import meniscus_fx as mf
+from meniscus_fx import _mesh, _native
+
+IS_INSTALLED = _native.PATH.is_file()
+SPACING = 0.05
+
+
+def block(n=8, spacing=SPACING):
+    """n³ particles as float32, slightly out of order."""
+    grid = numpy.stack(numpy.meshgrid(*[numpy.arange(n)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    shift = numpy.random.default_rng(1).uniform(-0.1, 0.1, grid.shape)
+    return ((grid + shift) * spacing).astype(numpy.float32)
+
+
+def volume_of_a_block(positions):
+    return len(mf.reconstruct(positions, SPACING).vertices)
+
+
+def same(a, b):
+    return numpy.array_equal(a.vertices, b.vertices) and numpy.array_equal(a.triangles, b.triangles)
+
+
+@unittest.skipUnless(IS_INSTALLED, "a checkout has no library: install the wheel (docs/python.md)")
+class Reconstruct(unittest.TestCase):
+    def setUp(self):
+        self.positions = block()
+        self.mesh = mf.reconstruct(self.positions, SPACING)
+
+    def test_a_block_is_a_sound_mesh_of_its_volume(self):
+        expected = len(self.positions) * SPACING**3
+        self.assertTrue(self.mesh.is_sound)
+        self.assertEqual(self.mesh.report["check"]["components"], 1)
+        self.assertLess(abs(self.mesh.volume / expected - 1), 0.15)
+        self.assertGreater(self.mesh.area, 6 * (7 * SPACING) ** 2 * 0.9)
+        self.assertTrue(numpy.allclose(numpy.linalg.norm(self.mesh.normals, axis=1), 1, atol=1e-3))
+        self.assertEqual(self.mesh.vertices.dtype, numpy.float32)
+        self.assertEqual(self.mesh.triangles.dtype, numpy.uint32)
+        self.assertLess(self.mesh.triangles.max(), len(self.mesh.vertices))
+        # The divergence theorem by the arrays alone: faces are counter-clockwise seen from outside.
+        a, b, c = self.mesh.vertices.astype(float)[self.mesh.triangles].transpose(1, 0, 2)
+        volume = (a * numpy.cross(b, c)).sum() / 6
+        self.assertAlmostEqual(volume, self.mesh.volume, places=6)
+        self.assertGreater(volume, 0)
+
+    def test_suitable_arrays_are_not_copied(self):
+        self.assertIs(_mesh._column("positions", self.positions, vectors=True), self.positions)
+        ids = numpy.arange(4, dtype=numpy.uint32)
+        self.assertIs(_mesh._column("id", ids, vectors=None), ids)
+        read_only = self.positions.copy()
+        read_only.flags.writeable = False
+        self.assertIs(_mesh._column("positions", read_only, vectors=True), read_only)
+        self.assertTrue(same(mf.reconstruct(read_only, SPACING), self.mesh))
+        for array in (self.mesh.vertices, self.mesh.triangles, self.mesh.normals):
+            self.assertFalse(array.flags.owndata)
+
+    def test_other_arrays_are_converted(self):
+        wide = numpy.zeros((len(self.positions), 6), numpy.float32)
+        wide[:, ::2] = self.positions
+        raw = b"x" + self.positions.tobytes()
+        unaligned = numpy.frombuffer(raw, numpy.uint8)[1:].view(numpy.float32).reshape(-1, 3)
+        others = {
+            "float64": self.positions.astype(float),
+            "big-endian": self.positions.astype(">f4"),
+            "Fortran": numpy.asfortranarray(self.positions),
+            "strided": wide[:, ::2],
+            "unaligned": unaligned,
+            "list": self.positions.tolist(),
+        }
+        for name, positions in others.items():
+            with self.subTest(name):
+                self.assertTrue(same(mf.reconstruct(positions, SPACING), self.mesh))
+        self.assertFalse(unaligned.flags.aligned)
+
+    def test_arrays_outlive_the_mesh(self):
+        vertices, expected = self.mesh.vertices, self.mesh.vertices.copy()
+        triangles, faces = self.mesh.triangles, self.mesh.triangles.copy()
+        self.mesh = None
+        gc.collect()
+        for _ in range(4):
+            mf.reconstruct(self.positions * 0.7, SPACING)
+        self.assertTrue(numpy.array_equal(vertices, expected) and numpy.array_equal(triangles, faces))
+
+    def test_wrong_arrays_are_refused_with_their_place(self):
+        bad = self.positions.copy()
+        bad[[17, 40], 1] = numpy.nan, numpy.inf
+        few = self.positions[:-1]
+        cases = [
+            (r"positions: entry 17 .*2 such entries", bad, {}),
+            (r"positions: entry 3 ", numpy.where(numpy.arange(24).reshape(8, 3) == 9, 1e300, 0), {}),
+            (r"positions: found the shape \(8, 2\), expected \(n, 3\)", numpy.zeros((8, 2)), {}),
+            (r"positions: found the shape \(8,\)", numpy.zeros(8), {}),
+            (r"positions: found the shape \(\)", numpy.float32(1), {}),
+            (r"positions: found values of type .*U1", numpy.full((2, 3), "x"), {}),
+            (r"positions: found values of type complex", numpy.zeros((2, 3), complex), {}),
+            (r"velocity: found 511 values, expected 512", self.positions, {"velocity": few}),
+            (r"velocity: entry 17 ", self.positions, {"velocity": bad}),
+            (r"radius: found the shape \(512, 3\)", self.positions, {"radius": self.positions}),
+            (r"attributes\['t'\]: found the shape", self.positions, {"attributes": {"t": numpy.zeros((512, 2))}}),
+            (r"attributes\['t'\]: found -1 to -1", self.positions, {"attributes": {"t": numpy.full(512, -1)}}),
+        ]
+        for message, positions, more in cases:
+            with self.subTest(message), self.assertRaisesRegex(mf.ParticleError, message):
+                mf.reconstruct(positions, SPACING, **more)
+        with self.assertRaisesRegex(mf.ParameterError, "expected a name other than position"):
+            mf.reconstruct(self.positions, SPACING, attributes={"position": few})
+
+    def test_parameters_out_of_their_range_are_named(self):
+        cases = [
+            (r"surface\.voxel.*20.*0\.05.*10", {"voxel": 20}),
+            (r"surface\.voxel", {"voxel": float("nan")}),
+            (r"surface\.kernel_radius", {"kernel_radius": "wide"}),
+            (r"did you mean `voxel`", {"voxle": 0.5}),
+            (r"surface\.smoothing\.wavelength", {"smoothing": {"wavelength": 1e9}}),
+            (r"surface\.contact: found settings", {"contact": {}}),
+            (r"quality: found `best`, expected `draft`", {"quality": "best"}),
+            (r"quality: found 3", {"quality": 3}),
+            (r"threads: found -1, expected an integer from 0 to 1024", {"threads": -1}),
+            (r"threads: found 1025", {"threads": 1025}),
+            (r"surface\.voxel: found a object", {"voxel": object()}),
+        ]
+        for message, settings in cases:
+            with self.subTest(message), self.assertRaisesRegex(mf.ParameterError, message):
+                mf.reconstruct(self.positions, SPACING, **settings)
+        for spacing in [0, -1, 1e7, float("nan"), "wide", None]:
+            with self.subTest(spacing=spacing), self.assertRaisesRegex(mf.ParameterError, "spacing: found"):
+                mf.reconstruct(self.positions, spacing)
+        self.assertTrue(issubclass(mf.ParameterError, ValueError) and issubclass(mf.ParticleError, ValueError))
+
+    def test_settings_reach_the_surface(self):
+        plain = mf.reconstruct(self.positions, SPACING, quality=None)
+        self.assertTrue(same(plain, mf.reconstruct(self.positions, SPACING, anisotropy=None, smoothing=None)))
+        fine = mf.reconstruct(self.positions, SPACING, quality=None, voxel=numpy.float32(0.25))
+        self.assertGreater(len(fine.triangles), 3 * len(plain.triangles))
+        few = mf.reconstruct(self.positions, SPACING, decimation={"fraction": 0.25, "triangles": None})
+        self.assertLess(len(few.triangles), 0.3 * len(self.mesh.triangles))
+        smoother = mf.reconstruct(self.positions, SPACING, **{"smoothing.wavelength": 8})
+        self.assertFalse(same(smoother, self.mesh))
+
+    def test_attributes_arrive_at_the_vertices(self):
+        count = len(self.positions)
+        velocity = numpy.tile(numpy.float32([1, -2, 3]), (count, 1))
+        mesh = mf.reconstruct(
+            self.positions,
+            SPACING,
+            velocity=velocity,
+            attributes={"heat": self.positions[:, 0], "source": numpy.full(count, 7)},
+        )
+        self.assertEqual(set(mesh.attributes), {"velocity", "heat", "source"})
+        self.assertTrue(numpy.allclose(mesh.attributes["velocity"], [1, -2, 3], atol=1e-5))
+        self.assertEqual(mesh.attributes["source"].dtype, numpy.uint32)
+        self.assertTrue((mesh.attributes["source"] == 7).all())
+        error = numpy.abs(mesh.attributes["heat"] - mesh.vertices[:, 0])
+        self.assertLess(error.max(), 1.5 * SPACING)
+        self.assertTrue(same(mesh, self.mesh))
+
+    def test_radii_scale_the_kernels(self):
+        drops = numpy.float32([[0, 0, 0], [1, 0, 0]])
+        radius = numpy.float32([0.5, 1.0]) * SPACING
+        mesh = mf.reconstruct(drops, SPACING, radius=radius, quality=None)
+        right = mesh.vertices[:, 0] > 0.5
+        extent = [numpy.ptp(mesh.vertices[side], axis=0).mean() for side in (~right, right)]
+        self.assertAlmostEqual(extent[1] / extent[0], 2, delta=0.2)
+
+    def test_small_components_become_points(self):
+        positions = numpy.concatenate([self.positions, numpy.float32([[2, 0, 0]])])
+        mesh = mf.reconstruct(positions, SPACING, components={}, velocity=positions)
+        self.assertEqual((mesh.points.shape, mesh.point_radii.shape), ((1, 3), (1,)))
+        self.assertTrue(numpy.allclose(mesh.points, [[2, 0, 0]], atol=1e-3))
+        self.assertTrue(numpy.allclose(mesh.point_attributes["velocity"], [[2, 0, 0]], atol=1e-3))
+        self.assertIsNone(self.mesh.points)
+
+    def test_losses_are_warnings(self):
+        crowd = numpy.zeros((2000, 3), numpy.float32)
+        with self.assertWarnsRegex(mf.SurfaceWarning, r"^\d+ particles left out of clusters"):
+            mf.reconstruct(crowd, SPACING, quality=None)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            mf.reconstruct(self.positions, SPACING)
+
+    def test_far_from_the_origin_vertices_are_in_double_precision(self):
+        far = self.positions + numpy.float32([8192, 0, 0])
+        mesh = mf.reconstruct(far, SPACING)
+        self.assertEqual(mesh.vertices.dtype, numpy.float64)
+        self.assertGreater(mesh.vertices[:, 0].min(), 8191)
+        self.assertTrue(mesh.is_sound)
+
+    def test_no_particles_are_an_empty_mesh(self):
+        for nothing in ([], numpy.zeros((0, 3))):
+            mesh = mf.reconstruct(nothing, SPACING, velocity=nothing)
+            self.assertEqual((mesh.vertices.shape, mesh.triangles.shape, mesh.is_sound), ((0, 3), (0, 3), True))
+
+    def test_threads_and_concurrent_calls_give_the_same_mesh(self):
+        for threads in (1, 3):
+            self.assertTrue(same(mf.reconstruct(self.positions, SPACING, threads=threads), self.mesh))
+        with concurrent.futures.ThreadPoolExecutor(4) as pool:
+            calls = [pool.submit(mf.reconstruct, self.positions, SPACING) for _ in range(8)]
+            self.assertTrue(all(same(call.result(), self.mesh) for call in calls))
+
+    @unittest.skipUnless(hasattr(os, "fork"), "this system does not fork")
+    def test_a_forked_process_reconstructs_too(self):
+        with multiprocessing.get_context("fork").Pool(1) as pool:
+            found = pool.apply_async(volume_of_a_block, [self.positions]).get(timeout=60)
+        self.assertEqual(found, len(self.mesh.vertices))
+
+    def test_a_file_has_the_mesh(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = pathlib.Path(folder) / "surface.ply"
+            self.mesh.write(path)
+            header, body = path.read_bytes().split(b"end_header\n", 1)
+            self.assertIn(b"element vertex %d\n" % len(self.mesh.vertices), header)
+            first = numpy.frombuffer(body, "<f4", 3)
+            self.assertTrue(numpy.array_equal(first, self.mesh.vertices[0]))
+            self.mesh.write(str(path.with_suffix(".OBJ")))
+            with self.assertRaisesRegex(mf.ParameterError, r"found the ending `stl`, expected `\.ply` or `\.obj`"):
+                self.mesh.write(path.with_suffix(".stl"))
+            with self.assertRaisesRegex(OSError, "nowhere"):
+                self.mesh.write(pathlib.Path(folder) / "nowhere" / "surface.ply")
+            self.assertEqual(sorted(os.listdir(folder)), ["surface.OBJ", "surface.ply"])
+
+    def test_the_mesh_is_that_of_the_program(self):
+        with tempfile.TemporaryDirectory() as folder:
+            numpy.save(pathlib.Path(folder) / "particles.npy", self.positions)
+            self.mesh.write(pathlib.Path(folder) / "here.ply")
+            out = pathlib.Path(folder) / "out"
+            mf.run("mesh", pathlib.Path(folder) / "particles.npy", f"--spacing={SPACING}", "-o", out)
+            (there,) = out.rglob("*.ply")
+            bodies = [path.read_bytes().split(b"end_header\n", 1)[1] for path in (pathlib.Path(folder) / "here.ply", there)]
+            self.assertEqual(bodies[0], bodies[1])
+
+    def test_ctrl_c_stops_a_call(self):
+        # The call stops after the pass that runs: density, anisotropy and smoothing take a second each at least.
+        script = """
+import os, signal, threading
+import numpy
+import meniscus_fx as mf
+x = numpy.random.default_rng(0).uniform(0, 1, (300_000, 3)).astype(numpy.float32)
+threading.Timer(0.2, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+try:
+    mf.reconstruct(x, 0.015, voxel=0.3, smoothing={"wavelength": 12})
+except KeyboardInterrupt:
+    print("interrupted")
+assert len(mf.reconstruct(numpy.zeros((1, 3)), 0.1).triangles) > 0
+"""
+        done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300)
+        self.assertEqual((done.stdout, done.returncode), ("interrupted\n", 0), done.stderr)
+
+
+class Checkout(unittest.TestCase):
+    def test_a_missing_library_is_reported_with_the_next_step(self):
+        path = _native.PATH
+        loaded, _native._loaded, _native.PATH = _native._loaded, None, pathlib.Path("nowhere.so")
+        try:
+            with self.assertRaisesRegex(mf.MeniscusError, r"nowhere\.so: cannot load the library.*docs/python\.md"):
+                mf.reconstruct(numpy.zeros((1, 3)), 0.1)
+        finally:
+            _native._loaded, _native.PATH = loaded, path
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""The systems that wheels are built for."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Platform:
+    """A system: what cargo, wheels and Blender call it."""
+
+    name: str
+    """Name here, and in Blender's manifests."""
+    target: str
+    """Target of rustc."""
+    linked_for: str
+    """Target as cargo-zigbuild takes it: with the oldest glibc."""
+    tag: str
+    """Platform tag of wheels."""
+    program: str
+    library: str
+    floor: tuple[int, int] | None = None
+    """Oldest glibc or macOS that the files may need; None: not a matter of versions."""
+
+
+PLATFORMS = {
+    platform.name: platform
+    for platform in [
+        Platform(
+            "linux-x64", "x86_64-unknown-linux-gnu", "x86_64-unknown-linux-gnu.2.28", "manylinux_2_28_x86_64",
+            "meniscus", "libmeniscus_native.so", (2, 28),
+        ),
+        Platform(
+            "linux-arm64", "aarch64-unknown-linux-gnu", "aarch64-unknown-linux-gnu.2.28", "manylinux_2_28_aarch64",
+            "meniscus", "libmeniscus_native.so", (2, 28),
+        ),
+        Platform(
+            "windows-x64", "x86_64-pc-windows-gnu", "x86_64-pc-windows-gnu", "win_amd64",
+            "meniscus.exe", "meniscus_native.dll",
+        ),
+        Platform(
+            "macos-arm64", "aarch64-apple-darwin", "aarch64-apple-darwin", "macosx_11_0_arm64",
+            "meniscus", "libmeniscus_native.dylib", (11, 0),
+        ),
+        Platform(
+            "macos-x64", "x86_64-apple-darwin", "x86_64-apple-darwin", "macosx_10_15_x86_64",
+            "meniscus", "libmeniscus_native.dylib", (10, 15),
+        ),
+    ]
+}  # fmt: skip
