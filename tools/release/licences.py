@@ -131,7 +131,10 @@ def parse(expression: str) -> list[list[str]]:
 
 def chosen(package: Package) -> list[str]:
     """The licences under which a package is shipped: the first choice that is allowed, MIT before others."""
-    choices = [choice for choice in parse(package.licence) if set(choice) <= ALLOWED]
+    try:
+        choices = [choice for choice in parse(package.licence) if set(choice) <= ALLOWED]
+    except LicenceError as error:
+        raise LicenceError(f"{package.name} {package.version}: {error}") from None
     if not choices:
         known = ", ".join(sorted(ALLOWED))
         raise LicenceError(f"{package.name} {package.version}: found the licence {package.licence!r}, expected one of {known}")

@@ -12,38 +12,42 @@ class Platform:
     """Name here, and in Blender's manifests."""
     target: str
     """Target of rustc."""
-    linked_for: str
-    """Target as cargo-zigbuild takes it: with the oldest glibc."""
+    linker: str
+    """How it is linked: by zig for this target, which names the oldest glibc, or by a cross compiler (`NAME-gcc`)."""
     tag: str
     """Platform tag of wheels."""
     program: str
     library: str
+    profile: str = "release"
+    """Profile of Cargo.toml."""
     floor: tuple[int, int] | None = None
     """Oldest glibc or macOS that the files may need; None: not a matter of versions."""
 
 
+# For macOS link-time optimisation leaves out what nothing calls: zig's linker exports, and so keeps, everything in a library.
+# Windows is linked by GNU's linker: LLVM's keeps what nothing calls of sections without COMDAT, which made the library 16.7 MB.
 PLATFORMS = {
     platform.name: platform
     for platform in [
         Platform(
             "linux-x64", "x86_64-unknown-linux-gnu", "x86_64-unknown-linux-gnu.2.28", "manylinux_2_28_x86_64",
-            "meniscus", "libmeniscus_native.so", (2, 28),
+            "meniscus", "libmeniscus_native.so", floor=(2, 28),
         ),
         Platform(
             "linux-arm64", "aarch64-unknown-linux-gnu", "aarch64-unknown-linux-gnu.2.28", "manylinux_2_28_aarch64",
-            "meniscus", "libmeniscus_native.so", (2, 28),
+            "meniscus", "libmeniscus_native.so", floor=(2, 28),
         ),
         Platform(
-            "windows-x64", "x86_64-pc-windows-gnu", "x86_64-pc-windows-gnu", "win_amd64",
+            "windows-x64", "x86_64-pc-windows-gnu", "x86_64-w64-mingw32-gcc", "win_amd64",
             "meniscus.exe", "meniscus_native.dll",
         ),
         Platform(
             "macos-arm64", "aarch64-apple-darwin", "aarch64-apple-darwin", "macosx_11_0_arm64",
-            "meniscus", "libmeniscus_native.dylib", (11, 0),
+            "meniscus", "libmeniscus_native.dylib", "dist", (11, 0),
         ),
         Platform(
             "macos-x64", "x86_64-apple-darwin", "x86_64-apple-darwin", "macosx_10_15_x86_64",
-            "meniscus", "libmeniscus_native.dylib", (10, 15),
+            "meniscus", "libmeniscus_native.dylib", "dist", (10, 15),
         ),
     ]
 }  # fmt: skip

@@ -19,7 +19,7 @@ WINDOWS = {
     "advapi32.dll", "bcrypt.dll", "bcryptprimitives.dll", "kernel32.dll", "ntdll.dll", "shell32.dll", "user32.dll",
     "userenv.dll", "ws2_32.dll",
 }  # fmt: skip
-MACOS = ("/usr/lib/libSystem.B.dylib", "/usr/lib/libiconv.2.dylib", "/System/Library/Frameworks/")
+MACOS = ("/usr/lib/libSystem.B.dylib", "/usr/lib/libcharset.1.dylib", "/usr/lib/libiconv.2.dylib", "/System/Library/Frameworks/")
 MACHINES = {
     "linux-x64": lief.ELF.ARCH.X86_64,
     "linux-arm64": lief.ELF.ARCH.AARCH64,

@@ -1,9 +1,17 @@
-//! Names the functions that the library exports on Windows, where everything would be exported otherwise.
+//! What the linker needs to know of a library that Python loads.
 
 fn main() {
     println!("cargo::rerun-if-changed=exports.def");
-    if std::env::var("CARGO_CFG_TARGET_OS").as_deref() == Ok("windows") {
-        let folder = std::env::var("CARGO_MANIFEST_DIR").unwrap_or_default();
-        println!("cargo::rustc-cdylib-link-arg={folder}/exports.def");
+    match std::env::var("CARGO_CFG_TARGET_OS").as_deref() {
+        // Everything would be exported otherwise.
+        Ok("windows") => {
+            let folder = std::env::var("CARGO_MANIFEST_DIR").unwrap_or_default();
+            println!("cargo::rustc-cdylib-link-arg={folder}/exports.def");
+        }
+        // Else the name is the path of the build.
+        Ok("macos") => {
+            println!("cargo::rustc-cdylib-link-arg=-Wl,-install_name,@rpath/libmeniscus_native.dylib");
+        }
+        _ => {}
     }
 }

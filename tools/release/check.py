@@ -1,0 +1,130 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Runs what is in wheels: each system's program makes the same bytes as that of Linux x86-64.
+
+    tools/release/check.py [DIR]                 the wheels in DIR (target/wheels)
+    tools/release/check.py [DIR] --suite CLI     also the tests of the command line (target/debug/deps/cli-…) on the Windows program
+
+On Linux x86-64. The wheel of Linux x86-64 is installed by pip into a fresh environment, with the tests of the package. Linux arm64 runs by
+qemu-aarch64-static, Windows by wine (with a library that Debian's lacks, compiled by x86_64-w64-mingw32-gcc). What cannot
+run here is reported as LEFT OUT: wheels of macOS are only checked by their headers, in tools/release/build.
+"""
+
+import argparse
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import zipfile
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from platforms import PLATFORMS, Platform  # noqa: E402
+
+ROOT = Path(__file__).resolve().parents[2]
+JOBS = [
+    ["shot", "dam-break", "--quality", "draft", "--frames", "1-4", "-o", "dam"],
+    ["volume", "dam", "--frames", "4"],
+    ["shot", "cloth-over-ellipsoid", "--quality", "draft", "--frames", "1-3", "-o", "cloth"],
+]
+# These hold times of day, or the system's separator of paths.
+NOT_COMPARED = {"log.jsonl", "report.html", "shot.json", "mesh.jsonl", "volume.jsonl", "products.json", "outputs.json"}
+
+
+class LeftOut(Exception):
+    """What a system needs to run here is not installed."""
+
+
+def needed(program: str) -> str:
+    found = shutil.which(program)
+    if found is None:
+        raise LeftOut(f"{program} is not installed")
+    return found
+
+
+def unpacked(platform: Platform, wheels: Path, folder: Path) -> Path:
+    """The program of a wheel."""
+    found = list(wheels.glob(f"meniscus_fx-*-py3-none-{platform.tag}.whl"))
+    if len(found) != 1:
+        raise LeftOut(f"{wheels} has {len(found)} wheels for it, expected one")
+    with zipfile.ZipFile(found[0]) as archive:
+        archive.extractall(folder)
+    program = folder / "meniscus_fx" / "bin" / platform.program
+    program.chmod(0o755)
+    return program
+
+
+def command(platform: Platform, program: Path) -> list[str]:
+    """How a program runs here."""
+    if platform.name == "linux-x64":
+        return [str(program)]
+    if platform.name == "linux-arm64":
+        return [needed("qemu-aarch64-static"), "-L", "/usr/aarch64-linux-gnu", str(program)]
+    if platform.name == "windows-x64":
+        os.environ.setdefault("WINEDEBUG", "-all")
+        os.environ.setdefault("WINEPREFIX", str(Path(tempfile.gettempdir()) / "meniscus-wine"))
+        wine, gcc = needed("wine"), needed("x86_64-w64-mingw32-gcc")
+        missing = program.with_name("bcryptprimitives.dll")
+        subprocess.run([gcc, "-shared", "-o", missing, ROOT / "tools/soak/bcryptprimitives.c", "-ladvapi32"], check=True)
+        return [wine, str(program)]
+    raise LeftOut("no emulator runs it here")
+
+
+def made(run: list[str], folder: Path) -> dict[str, str]:
+    """Hashes of the files that the jobs write."""
+    folder.mkdir()
+    for job in JOBS:
+        subprocess.run([*run, *job, "--progress", "none"], cwd=folder, check=True, stdout=subprocess.DEVNULL)
+    files = (path for path in folder.rglob("*") if path.is_file() and path.name not in NOT_COMPARED)
+    return {path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+def installed(wheels: Path, work: Path) -> None:
+    """Installs the wheel of this system, and runs the tests of the package on it."""
+    (path,) = wheels.glob(f"meniscus_fx-*-py3-none-{PLATFORMS['linux-x64'].tag}.whl")
+    venv = work / "venv"
+    subprocess.run([sys.executable, "-m", "venv", venv], check=True)
+    subprocess.run([venv / "bin/python", "-m", "pip", "install", "--quiet", "--disable-pip-version-check", path], check=True)
+    tests = [venv / "bin/python", "-m", "unittest", "discover", "-s", ROOT / "tools/python/tests"]
+    subprocess.run(tests, check=True, cwd=work)
+
+
+def suite(cli: Path, run: list[str], work: Path) -> int:
+    """The tests of the command line, which find the program of another system where their own would be."""
+    wrapper = work / "meniscus"
+    wrapper.write_text("#!/bin/sh\nexec " + " ".join(f"'{word}'" for word in run) + ' "$@"\n')
+    wrapper.chmod(0o755)
+    return subprocess.run([cli], cwd=ROOT, env=os.environ | {"CARGO_BIN_EXE_meniscus": str(wrapper)}).returncode
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("wheels", type=Path, nargs="?", default=ROOT / "target" / "wheels")
+    parser.add_argument("--suite", type=Path, metavar="CLI", help="the compiled tests of the command line, to run them by wine")
+    options = parser.parse_args()
+    failed = 0
+    with tempfile.TemporaryDirectory() as folder:
+        work = Path(folder)
+        installed(options.wheels, work)
+        reference = None
+        for platform in sorted(PLATFORMS.values(), key=lambda platform: platform.name != "linux-x64"):
+            try:
+                run = command(platform, unpacked(platform, options.wheels, work / platform.name))
+                files = made(run, work / f"{platform.name}-files")
+            except LeftOut as reason:
+                print(f"{platform.name}: LEFT OUT, {reason}", flush=True)
+                continue
+            reference = reference or files
+            differing = sorted(name for name in reference.keys() | files.keys() if reference.get(name) != files.get(name))
+            print(f"{platform.name}: {len(files)} files, {len(differing)} differ {' '.join(differing[:5])}", flush=True)
+            failed |= bool(differing)
+            if platform.name == "windows-x64" and options.suite:
+                failed |= suite(options.suite.resolve(), run, work) != 0
+    return int(failed)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
