@@ -12,8 +12,8 @@ class Platform:
     """Name here, and in Blender's manifests."""
     target: str
     """Target of rustc."""
-    linker: str
-    """How it is linked: by zig for this target, which names the oldest glibc, or by a cross compiler (`NAME-gcc`)."""
+    linked_for: str
+    """Target as cargo-zigbuild takes it: with the oldest glibc."""
     tag: str
     """Platform tag of wheels."""
     program: str
@@ -24,8 +24,8 @@ class Platform:
     """Oldest glibc or macOS that the files may need; None: not a matter of versions."""
 
 
-# For macOS link-time optimisation leaves out what nothing calls: zig's linker exports, and so keeps, everything in a library.
-# Windows is linked by GNU's linker: LLVM's keeps what nothing calls of sections without COMDAT, which made the library 16.7 MB.
+# Link-time optimisation leaves out what nothing calls. Without it that is left to the linker, which does so for Linux; for Windows neither
+# zig's nor GNU's does (libraries of 16.7 and 17.0 MB), for macOS zig's exports, and so keeps, everything (14.9 MB).
 PLATFORMS = {
     platform.name: platform
     for platform in [
@@ -38,8 +38,8 @@ PLATFORMS = {
             "meniscus", "libmeniscus_native.so", floor=(2, 28),
         ),
         Platform(
-            "windows-x64", "x86_64-pc-windows-gnu", "x86_64-w64-mingw32-gcc", "win_amd64",
-            "meniscus.exe", "meniscus_native.dll",
+            "windows-x64", "x86_64-pc-windows-gnu", "x86_64-pc-windows-gnu", "win_amd64",
+            "meniscus.exe", "meniscus_native.dll", "dist",
         ),
         Platform(
             "macos-arm64", "aarch64-apple-darwin", "aarch64-apple-darwin", "macosx_11_0_arm64",
