@@ -3,17 +3,18 @@
 
 from __future__ import annotations
 
+import _thread
 import contextlib
 import ctypes
 import json
 import os
 import threading
 import warnings
-from typing import TYPE_CHECKING, Any, Mapping
+from typing import TYPE_CHECKING, Any, Callable, Mapping
 
 import numpy
 
-from . import _native
+from . import _native, _toml
 from ._errors import MeniscusError, ParameterError, ParticleError, SurfaceWarning
 
 if TYPE_CHECKING:
@@ -26,7 +27,8 @@ KINDS = {("float32", 1): _native.F32, ("float32", 2): _native.F32X3, ("uint32", 
 class Mesh:
     """A closed triangle mesh around particles; faces are counter-clockwise seen from outside.
 
-    The arrays are views of memory that the mesh owns: they stay valid for as long as one of them or the mesh is in use.
+    The arrays are read-only views of memory that the mesh owns: they stay valid for as long as one of them or the mesh is in
+    use. `.copy()` gives an array that can be changed. A mesh can be copied, not pickled.
     """
 
     vertices: NDArray[Any]
@@ -59,7 +61,10 @@ class Mesh:
     def _add(self, name: str, values: NDArray[Any]) -> None:
         if name in ("vertices", "points"):
             origin = numpy.array(self.report["origin"])
-            setattr(self, name, values + origin if origin.any() else values)
+            if origin.any():
+                values = values + origin
+                values.flags.writeable = False
+            setattr(self, name, values)
         elif name.startswith("vertex."):
             self.attributes[name[len("vertex.") :]] = values
         elif name.startswith("point."):
@@ -85,7 +90,7 @@ class Mesh:
     def write(self, path: str | os.PathLike[str]) -> None:
         """Writes the mesh to a `.ply` or `.obj` file, which appears whole or not at all.
 
-        Changes of the arrays are not written. Raises OSError if the file cannot be written.
+        Raises OSError if the file cannot be written.
         """
         try:
             self._outcome.write(os.fspath(path))
@@ -140,10 +145,11 @@ def reconstruct(
         columns["radius"] = _finite("radius", _column("radius", radius, vectors=False))
         surface.setdefault("radius", "attribute")
     for name, values in (attributes or {}).items():
-        if not isinstance(name, str) or name in columns:
+        if not isinstance(name, str) or name in ("position", "velocity", "radius"):
             expected = "expected a name other than position, velocity and radius, which are parameters"
             raise ParameterError(f"attributes: found {name!r}, {expected}")
-        columns[name] = _column(f"attributes[{name!r}]", values, vectors=None)
+        place = f"attributes[{name!r}]"
+        columns[name] = _finite(place, _column(place, values, vectors=None))
     for name, values in columns.items():
         if len(values) != count:
             raise ParticleError(f"{name}: found {len(values)} values, expected {count}, as many as positions")
@@ -188,40 +194,10 @@ def _finite(name: str, array: NDArray[Any]) -> NDArray[Any]:
     return array
 
 
-def _toml(value: Any) -> str:
-    """A value as TOML; entries of tables that are None are left out."""
-    if isinstance(value, numpy.generic):
-        value = value.item()
-    if value is None:
-        return "none"
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, (int, float)):
-        return repr(value)
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, Mapping):
-        entries = (f"{json.dumps(str(key))} = {_toml(entry)}" for key, entry in value.items() if entry is not None)
-        return "{ " + ", ".join(entries) + " }"
-    if isinstance(value, (list, tuple, numpy.ndarray)):
-        return "[" + ", ".join(_toml(entry) for entry in value) + "]"
-    raise ParameterError(f"found a {type(value).__name__}, expected a number, text, bool, list, mapping or None")
-
-
-def _setting(key: str, value: Any) -> bytes:
-    try:
-        return f"surface.{key}={_toml(value)}".encode()
-    except ParameterError as error:
-        raise ParameterError(f"surface.{key}: {error}") from None
-    except (UnicodeEncodeError, RecursionError) as error:
-        raise ParameterError(f"surface.{key}: the value cannot be written as TOML: {error}") from None
-
-
 def _made(
     columns: Mapping[str, NDArray[Any]], spacing: float, quality: str | None, threads: int, surface: Mapping[str, Any]
 ) -> _native.Outcome:
     """The outcome of the library's call, which read the columns in place."""
-    library = _native.library()
     if isinstance(threads, bool) or not isinstance(threads, int) or not 0 <= threads <= 1024:
         raise ParameterError(f"threads: found {threads!r}, expected an integer from 0 to 1024")
     try:
@@ -230,60 +206,76 @@ def _made(
         raise ParameterError(f"spacing: found {spacing!r}, expected a number [m]") from None
     if not (quality is None or isinstance(quality, str)):
         raise ParameterError(f"quality: found {quality!r}, expected a text or None")
-    # These are kept until the call has returned.
     names = [name.encode("utf-8", "replace") for name in columns]
-    settings = [_setting(key, value) for key, value in surface.items()]
+    settings = [_toml.setting(f"surface.{key}", value).encode() for key, value in surface.items()]
     tier = (quality or "").encode("utf-8", "replace")
     raw_columns = (_native.InputColumn * len(columns))()
     for raw, name, values in zip(raw_columns, names, columns.values()):
         raw.name, raw.data = _native.text(name), values.ctypes.data
         raw.kind = KINDS[values.dtype.name, values.ndim]
     raw_settings = (_native.Text * len(settings))(*map(_native.text, settings))
-    flag = library.meniscus_cancel_new()
+    flag = _native.Flag()
     request = _native.RawRequest(
         len(columns["position"]), raw_columns, len(columns), spacing, _native.text(tier), raw_settings, len(settings),
-        threads, flag,
+        threads, flag.address,
     )  # fmt: skip
-    try:
-        outcome = _native.Outcome(_called(library, request, flag))
-    finally:
-        library.meniscus_cancel_free(flag)
+    outcome = _called(request, flag, (columns, names, settings, tier, raw_columns, raw_settings))
     outcome.check()
     return outcome
 
 
-def _called(library: ctypes.CDLL, request: _native.RawRequest, flag: int) -> int:
-    """The address of the outcome. In the main thread Ctrl-C cancels the call."""
-    if threading.current_thread() is not threading.main_thread():
-        return int(library.meniscus_reconstruct(ctypes.byref(request)))
-    # The interpreter looks at signals between calls, so the main thread waits in Python: for an event, since an interrupted
-    # `Thread.join` takes the thread for ended in Python 3.9 to 3.12.
-    found: list[int] = []
-    ended = threading.Event()
+def _called(request: _native.RawRequest, flag: _native.Flag, read: object) -> _native.Outcome:
+    """The outcome of a call, which keeps the flag and what it reads. In the main thread Ctrl-C cancels the call."""
+    library = _native.library()
+    found: list[_native.Outcome | None] = []
+    ended = _thread.allocate_lock()
+    ended.acquire()
 
-    def call() -> None:
+    # Its thread owns everything that it uses, for a caller that an exception ends at any place, even before this is noted.
+    def call(flag: _native.Flag = flag, read: object = read) -> None:
+        outcome = None
         try:
-            found.append(library.meniscus_reconstruct(ctypes.byref(request)))
+            outcome = _native.Outcome(library.meniscus_reconstruct(ctypes.byref(request)))
         finally:
-            ended.set()
+            found.append(outcome)
+            ended.release()
 
-    threading.Thread(target=call).start()
-    try:
-        # On Windows a wait without end does not see Ctrl-C.
-        while not ended.wait(0.2):
-            pass
-    except BaseException:
-        library.meniscus_cancel_set(flag)
-        # The worker reads the caller's arrays: it has to end first, however often Ctrl-C is pressed.
-        while not ended.is_set():
-            with contextlib.suppress(KeyboardInterrupt):
-                ended.wait(0.2)
-        for address in found:
-            library.meniscus_outcome_free(address)
-        raise
-    if not found:
+    if threading.current_thread() is not threading.main_thread():
+        call()
+    else:
+        # The interpreter looks at signals between calls, so the main thread waits in Python: for a bare lock, since an
+        # interrupted `Event.wait` or `Thread.join` leaves their own locks taken.
+        try:
+            _start(call)
+            _wait(found, ended)
+        except MeniscusError:
+            raise
+        except BaseException:
+            flag.set()
+            # The call reads arrays that its caller may change afterwards: it ends first, however often Ctrl-C is pressed.
+            while not found:
+                with contextlib.suppress(KeyboardInterrupt):
+                    _wait(found, ended)
+            raise
+    outcome = found[0]
+    if outcome is None:
         raise MeniscusError("the thread of the call ended without a result")
-    return found[0]
+    return outcome
+
+
+def _start(call: Callable[[], None]) -> None:
+    """Runs a call in a thread of its own."""
+    try:
+        _thread.start_new_thread(call, ())
+    except RuntimeError as error:
+        raise MeniscusError(f"cannot start a thread for the call: {error}; close other programs") from None
+
+
+def _wait(found: list[_native.Outcome | None], ended: _thread.LockType) -> None:
+    """Waits for the result. That it was found counts: an exception may come right after the lock was acquired."""
+    # On Windows a wait without end does not see Ctrl-C.
+    while not found:
+        ended.acquire(timeout=0.2)
 
 
 def _array(outcome: _native.Outcome, column: _native.OutcomeColumn) -> NDArray[Any]:
@@ -291,7 +283,9 @@ def _array(outcome: _native.Outcome, column: _native.OutcomeColumn) -> NDArray[A
     dtype, words = TYPES[column.kind]
     shape = (column.len, words) if words > 1 else (column.len,)
     if column.len == 0:
-        return numpy.empty(shape, dtype)
+        empty = numpy.empty(shape, dtype)
+        empty.flags.writeable = False
+        return empty
     return numpy.asarray(_Memory(outcome, column.data, shape, dtype))
 
 
@@ -300,4 +294,4 @@ class _Memory:
 
     def __init__(self, outcome: _native.Outcome, address: int, shape: tuple[int, ...], dtype: str):
         self.outcome = outcome
-        self.__array_interface__ = {"version": 3, "data": (address, False), "shape": shape, "typestr": dtype}
+        self.__array_interface__ = {"version": 3, "data": (address, True), "shape": shape, "typestr": dtype}

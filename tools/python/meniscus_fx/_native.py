@@ -6,6 +6,7 @@ from __future__ import annotations
 import ctypes
 import sys
 from pathlib import Path
+from typing import Any
 
 from ._errors import Interrupted, MeniscusError, ParameterError, ParticleError
 
@@ -81,11 +82,13 @@ def library() -> ctypes.CDLL:
         except OSError as error:
             hint = "install the wheel for this platform; a checkout has no library (docs/python.md)"
             raise MeniscusError(f"{PATH}: cannot load the library: {error}; {hint}") from None
+        # Another version may lack functions.
+        abi = found.meniscus_abi() if hasattr(found, "meniscus_abi") else None
+        if abi != ABI:
+            raise MeniscusError(f"{PATH}: found interface {abi}, expected {ABI}: install meniscus-fx again")
         for name, (result, arguments) in FUNCTIONS.items():
             function = getattr(found, name)
             function.restype, function.argtypes = result, arguments
-        if found.meniscus_abi() != ABI:
-            raise MeniscusError(f"{PATH}: found interface {found.meniscus_abi()}, expected {ABI}: install meniscus-fx again")
         _loaded = found
     return _loaded
 
@@ -95,8 +98,22 @@ def text(value: bytes) -> Text:
     return Text(ctypes.cast(ctypes.c_char_p(value), ctypes.c_void_p), len(value))
 
 
+class Flag:
+    """Owns a flag that cancels a call, and is freed with its last owner: the caller or the thread of the call."""
+
+    def __init__(self) -> None:
+        self.address: int = library().meniscus_cancel_new()
+
+    def __del__(self) -> None:
+        if _loaded is not None:
+            _loaded.meniscus_cancel_free(self.address)
+
+    def set(self) -> None:
+        library().meniscus_cancel_set(self.address)
+
+
 class Outcome:
-    """Owns the result of a call, which is freed with it."""
+    """Owns the result of a call, which is freed with it. It never changes, so that copies share it."""
 
     def __init__(self, address: int):
         self.address = address
@@ -105,6 +122,16 @@ class Outcome:
         # At the end of the interpreter the library may be gone, and memory is with the process.
         if _loaded is not None:
             _loaded.meniscus_outcome_free(self.address)
+
+    def __copy__(self) -> Outcome:
+        return self
+
+    def __deepcopy__(self, memo: object) -> Outcome:
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Another owner of the address would free it twice.
+        raise TypeError("a mesh cannot be pickled: pass on its arrays (`mesh.vertices`, …) or a file (`mesh.write`)")
 
     def check(self) -> None:
         """Raises the error that the call ended with, if it did."""

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Callable, Mapping, Sequence
 
+from . import _toml
 from ._errors import MeniscusError, ParameterError, ProgramError
 
 # Last lines that are kept for the message of a failure.
@@ -23,7 +24,9 @@ MAX_LOG = 50
 # Longest line that is taken for a report of progress [characters]; the program writes far shorter ones.
 MAX_LINE = 1 << 20
 INTERRUPTED = 130
-# Longest time that an interrupted program may take [s]; it gives itself four.
+# Time in which a program ends by itself that a terminal's Ctrl-C reached [s]; it gives itself four.
+GRACE = 5.0
+# Longest time that an interrupted program may take afterwards [s].
 MAX_WAIT = 10.0
 
 
@@ -164,7 +167,9 @@ def _shot(
     words = [verb, "--threads", str(threads)]
     for flag, value in [("--frames", frames), ("--quality", quality), ("--max-memory", max_memory)]:
         words += [] if value is None else [f"{flag}={value}"]
-    words += [f"--set={key}={_setting(key, value)}" for key, value in (settings or {}).items()]
+    for key, value in (settings or {}).items():
+        # A text may be a value in TOML, as on the command line.
+        words.append("--set=" + (f"{key}={value}" if isinstance(value, str) else _toml.setting(key, value)))
     words += ["--force"] if force else []
     folder = os.fspath(output) if output is not None else _folder(Path(preset), quality)
     _result([*words, f"--output={folder}", "--", os.fspath(preset)], progress)
@@ -177,50 +182,55 @@ def _folder(preset: Path, quality: str | None) -> str:
     return name if quality is None else f"{name}-{quality}"
 
 
-def _setting(key: str, value: Any) -> str:
-    """A value as `--set` reads it."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, (int, float, str)):
-        return str(value)
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(json.dumps(entry) if isinstance(entry, str) else _setting(key, entry) for entry in value) + "]"
-    raise ParameterError(f"settings[{key!r}]: found a {type(value).__name__}, expected a number, text, bool or list")
-
-
 def _result(arguments: Sequence[str], progress: Callable[[Progress], object] | None) -> str:
     """What the program prints on its standard output, if it succeeds."""
     command = [str(program()), "--progress", "json", *arguments]
     log: collections.deque[str] = collections.deque(maxlen=MAX_LOG)
     failure: dict[str, Any] = {}
+    printed: list[str] = []
+    process = reader = None
     try:
-        process = subprocess.Popen(
+        process = _started(command)
+        # The program would wait for a reader of its result while this waits for its reports.
+        reader = threading.Thread(target=_read, args=(process.stdout, printed))
+        reader.start()
+        for event, data in _events(process.stderr, log):
+            if event == "error":
+                failure = data
+            elif progress is not None:
+                progress(data)
+        reader.join()
+        code = process.wait()
+    except BaseException as error:
+        if process is not None:
+            # A terminal's Ctrl-C reaches the program, too, and a second signal might stop it while it finishes.
+            _stop(process, GRACE if isinstance(error, KeyboardInterrupt) else 0.0)
+        raise
+    finally:
+        if reader is not None and reader.ident is not None:
+            reader.join()
+        for pipe in (process.stdout, process.stderr) if process is not None else ():
+            if pipe is not None:
+                pipe.close()
+    # Ctrl-C raises KeyboardInterrupt here by itself: a program that something else interrupted has failed.
+    if code != 0:
+        raise ProgramError(_message(code, failure, log), code, failure.get("problems", []), list(log))
+    return printed[0]
+
+
+def _started(command: list[str]) -> subprocess.Popen[str]:
+    try:
+        return subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8", errors="replace"
         )  # fmt: skip
     except ValueError as error:
         raise ParameterError(f"an argument cannot be passed to the program: {error}") from None
-    with process:
-        printed: list[str] = []
-        # The program would wait for a reader of its result while this waits for its reports.
-        reader = threading.Thread(target=lambda: printed.append(process.stdout.read() if process.stdout else ""))
-        reader.start()
-        try:
-            for event, data in _events(process.stderr, log):
-                if event == "error":
-                    failure = data
-                elif progress is not None:
-                    progress(data)
-        except BaseException:
-            _stop(process)
-            raise
-        finally:
-            reader.join()
-    if process.returncode in (INTERRUPTED, -signal.SIGINT):
-        raise KeyboardInterrupt
-    if process.returncode != 0:
-        message = _message(process.returncode, failure, log)
-        raise ProgramError(message, process.returncode, failure.get("problems", []), list(log))
-    return printed[0]
+    except OSError as error:
+        raise MeniscusError(f"{command[0]}: the program cannot be started: {error}; install meniscus-fx again") from None
+
+
+def _read(pipe: Any, printed: list[str]) -> None:
+    printed.append(pipe.read())
 
 
 def _events(lines: Any, log: collections.deque[str]) -> Any:
@@ -255,20 +265,31 @@ def _message(code: int, failure: Mapping[str, Any], log: Sequence[str]) -> str:
     if not lines:
         lines = [failure["text"]] if "text" in failure else list(log)[-10:]
         lines += [f"    {failure['help']}"] if failure.get("help") else []
+    if code in (INTERRUPTED, -signal.SIGINT):
+        lines.append(f"the program was interrupted from outside (exit code {code}); run it again to go on")
     return "\n".join(lines) or f"the program ended with exit code {code} and no message"
 
 
-def _stop(process: subprocess.Popen[str]) -> None:
-    """Ends the program as Ctrl-C does, so that it keeps what is finished; after a while at once."""
-    # On Windows Ctrl-C reaches the processes of the console by itself, and another process can only be ended.
-    if process.poll() is None:
-        process.kill() if os.name == "nt" else process.send_signal(signal.SIGINT)
-    last_resort = threading.Timer(MAX_WAIT, process.kill)
-    last_resort.start()
+def _stop(process: subprocess.Popen[str], grace: float) -> None:
+    """Ends the program as Ctrl-C does, so that it keeps what is finished; after a while at once.
+
+    It is given `grace` seconds to end by itself, for it may have had the signal already.
+    """
+    timers = [threading.Timer(grace, _interrupt, [process]), threading.Timer(grace + MAX_WAIT, process.kill)]
+    for timer in timers:
+        # They go on if Ctrl-C is pressed again meanwhile; a program that has ended gets no signal.
+        timer.daemon = True
+        timer.start()
     for _ in process.stderr or ():
         pass
     process.wait()
-    last_resort.cancel()
+    for timer in timers:
+        timer.cancel()
+
+
+def _interrupt(process: subprocess.Popen[str]) -> None:
+    # On Windows Ctrl-C reaches the processes of the console by itself, and another process can only be ended.
+    process.kill() if os.name == "nt" else process.send_signal(signal.SIGINT)
 
 
 def main() -> None:

@@ -25,6 +25,12 @@ try:
 except ImportError:
     xxhash = None  # type: ignore[assignment, unused-ignore]
 
+try:
+    from ._errors import MeniscusError
+except ImportError:
+    # This file works alone, too.
+    MeniscusError = Exception  # type: ignore[assignment, misc, unused-ignore]
+
 MAGIC = b"\x89MCF\r\n\x1a\n"
 END = b"MCF-END\n"
 VERSIONS = (1, 2)
@@ -32,7 +38,7 @@ KINDS = {1: "particles", 2: "tracers", 3: "vortons", 4: "mesh_points", 5: "mesh_
 TYPES = {1: ("<f4", 1), 2: ("<f4", 3), 3: ("<u4", 1)}
 
 
-class CacheError(Exception):
+class CacheError(MeniscusError):
     """The file is not a whole frame of this version."""
 
 

@@ -10,11 +10,13 @@ import json
 import os
 import pathlib
 import subprocess
+import sys
 import tempfile
 import unittest
 
 import numpy
 
+import meniscus_fx
 from meniscus_fx import cache as meniscus_cache
 
 MENISCUS = os.environ.get("MENISCUS")
@@ -113,6 +115,17 @@ class Binary(unittest.TestCase):
             scalars = {name: value for stream in streams for name, value in stream["scalars"].items()}
             for name in ["density_dev_avg", "density_dev_max", "compression_avg", "dilation_avg", "volume_change"]:
                 self.assertEqual(reported.get(name), scalars.get(name))
+
+
+class Alone(unittest.TestCase):
+    def test_its_error_is_one_of_the_package(self):
+        self.assertTrue(issubclass(meniscus_cache.CacheError, meniscus_fx.MeniscusError))
+
+    def test_the_file_works_without_the_package(self):
+        script = "import runpy, sys; print(issubclass(runpy.run_path(sys.argv[1])['CacheError'], Exception))"
+        found = subprocess.check_output([sys.executable, "-c", script, meniscus_cache.__file__], text=True)
+        self.assertEqual(found, "True\n")
+
 
 
 if __name__ == "__main__":

@@ -5,11 +5,15 @@ import json
 import os
 import pathlib
 import pickle
+import signal
 import subprocess
 import sys
 import sysconfig
 import tempfile
+import threading
+import time
 import unittest
+import unittest.mock
 
 import meniscus_fx as mf
 from meniscus_fx import _program
@@ -101,8 +105,8 @@ class Program(unittest.TestCase):
             mf.simulate("nope", self.folder / "wave")
         with self.assertRaisesRegex(mf.ProgramError, "unexpected argument"):
             mf.run("mesh", "--nope")
-        with self.assertRaisesRegex(mf.ParameterError, r"settings\['liquid.cfl'\]: found a dict"):
-            mf.simulate(self.preset, self.folder / "wave", settings={"liquid.cfl": {}})
+        with self.assertRaisesRegex(mf.ParameterError, r"liquid.cfl: found a object, expected a number"):
+            mf.simulate(self.preset, self.folder / "wave", settings={"liquid.cfl": object()})
         with self.assertRaises(mf.ParameterError):
             mf.simulate("nul\0", self.folder / "wave")
         # A preset whose name looks like a flag is a preset.
@@ -135,6 +139,14 @@ except KeyboardInterrupt:
         done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)
         self.assertEqual((done.stdout, done.returncode), ("interrupted\n", 0), done.stderr)
 
+    def test_settings_are_those_of_surfaces(self):
+        import numpy
+
+        settings = {"surface.voxel": numpy.float32(0.5), "surface.smoothing": {"wavelength": 4, "skin": None}, "liquid.xsph": None}
+        mf.simulate(self.preset, self.folder / "wave", frames="1", settings=settings)
+        with self.assertRaisesRegex(mf.ProgramError, "gravity(.|\n)*3"):
+            mf.simulate(self.preset, self.folder / "wave", frames="1", settings={"world.gravity": numpy.zeros(2)})
+
     def test_a_result_longer_than_a_pipe_arrives_whole(self):
         result = mf.run("presets", "show", "dam-break")
         self.assertIn("[liquid]", result)
@@ -145,6 +157,101 @@ except KeyboardInterrupt:
         text = mf.run("info", shot.folder, "--json")
         self.assertGreater(len(text), 1 << 16)
         self.assertEqual(len(json.loads(text)["frames"]), 300)
+
+
+# Counts signals for a while after the first, as a program that finishes its frame.
+FAKE = """#!{python}
+import os, signal, sys, time
+count = 0
+def interrupt(*_):
+    global count
+    count += 1
+signal.signal(signal.SIGINT, interrupt)
+with open({notes!r}, "a") as file:
+    file.write(f"{{os.getpid()}} started\\n")
+try:
+    print('{{"event": "progress", "data": {{"job": "simulate", "percent": 1}}}}', file=sys.stderr, flush=True)
+except BrokenPipeError:
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+end = time.monotonic() + {seconds}
+while time.monotonic() < end and not count:
+    time.sleep(0.02)
+if count:
+    # A signal interrupts no sleep.
+    time.sleep(1.5)
+with open({notes!r}, "a") as file:
+    file.write(f"{{os.getpid()}} {{count}}\\n")
+sys.exit({code} if {code} or not count else 130)
+"""
+
+
+@unittest.skipIf(os.name == "nt", "the program of these tests is a script")
+class Signals(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = pathlib.Path(folder.name)
+        self.notes = self.folder / "notes"
+
+    def fake(self, seconds=60, code=0):
+        """Puts a script in the place of the program."""
+        path = self.folder / "program"
+        path.write_text(FAKE.format(python=sys.executable, seconds=seconds, code=code, notes=str(self.notes)))
+        path.chmod(0o755)
+        patch = unittest.mock.patch.object(_program, "program", lambda: path)
+        patch.start()
+        self.addCleanup(patch.stop)
+        return path
+
+    def test_ctrl_c_of_a_terminal_reaches_the_program_once(self):
+        script = f"""
+import pathlib, meniscus_fx as mf
+from meniscus_fx import _program
+_program.program = lambda: pathlib.Path({str(self.fake())!r})
+try:
+    mf.run("x", progress=lambda _: print("started", flush=True))
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+        with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True, start_new_session=True) as process:
+            self.assertEqual(process.stdout.readline(), "started\n")
+            os.killpg(process.pid, signal.SIGINT)
+            self.assertEqual(process.communicate(timeout=60)[0], "interrupted\n")
+        self.assertEqual(self.notes.read_text().split()[-1], "1")
+
+    def test_a_program_that_something_else_interrupted_has_failed(self):
+        self.fake(seconds=0, code=130)
+        with self.assertRaisesRegex(mf.ProgramError, "interrupted from outside") as raised:
+            mf.run("x")
+        self.assertEqual(raised.exception.code, 130)
+
+    def test_an_interrupt_right_after_the_start_ends_the_program(self):
+        self.fake(seconds=8)
+        started = []
+
+        class Popen(subprocess.Popen):
+            def __init__(self, *arguments, **options):
+                super().__init__(*arguments, **options)
+                started.append(self)
+
+        def interrupt(thread):
+            while not self.notes.exists():
+                time.sleep(0.02)
+            raise RuntimeError("interrupted")
+
+        real = threading.Thread.start
+        with unittest.mock.patch.object(subprocess, "Popen", Popen):
+            # Of the first thread, which reads; later ones end the program.
+            with unittest.mock.patch.object(threading.Thread, "start", lambda thread: (interrupt if thread._target else real)(thread)):
+                with self.assertRaisesRegex(RuntimeError, "interrupted"):
+                    mf.run("x")
+        self.assertIsNotNone(started[0].poll())
+        self.assertEqual(self.notes.read_text().split()[1:], ["started", str(started[0].pid), "1"])
+
+    def test_a_program_that_cannot_be_started_is_reported(self):
+        self.fake().write_bytes(b"\x7fELF")
+        with self.assertRaisesRegex(mf.MeniscusError, "the program cannot be started: .*install meniscus-fx again"):
+            mf.run("x")
 
 
 if __name__ == "__main__":

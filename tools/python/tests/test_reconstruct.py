@@ -1,16 +1,22 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """Tests surfaces of arrays: `reconstruct` of the installed package (docs/python.md)."""
 
+import _thread
 import concurrent.futures
+import ctypes
 import gc
 import multiprocessing
 import os
 import pathlib
+import signal
 import subprocess
 import sys
 import tempfile
+import time
+import types
 import unittest
 import warnings
+import weakref
 
 import numpy
 
@@ -243,22 +249,196 @@ class Reconstruct(unittest.TestCase):
             bodies = [path.read_bytes().split(b"end_header\n", 1)[1] for path in (pathlib.Path(folder) / "here.ply", there)]
             self.assertEqual(bodies[0], bodies[1])
 
+    def test_arrays_are_read_only_and_copies_are_not(self):
+        mesh = mf.reconstruct(self.positions, SPACING, components={}, velocity=self.positions)
+        far = mf.reconstruct(self.positions + numpy.float32([8192, 0, 0]), SPACING)
+        for array in (mesh.vertices, mesh.triangles, mesh.normals, mesh.points, mesh.attributes["velocity"], far.vertices):
+            with self.assertRaisesRegex(ValueError, "read-only"):
+                array[...] = 0
+        with self.assertRaises(ValueError):
+            self.mesh.vertices.flags.writeable = True
+        vertices = self.mesh.vertices.copy()
+        vertices += 1
+        self.assertTrue(numpy.array_equal(vertices, self.mesh.vertices + numpy.float32(1)))
+
+    def test_a_mesh_can_be_copied_and_not_pickled(self):
+        # Memory that two owners free ends the interpreter.
+        script = """
+import copy, gc, pickle, numpy, meniscus_fx as mf
+mesh = mf.reconstruct(numpy.zeros((1, 3)), 0.1)
+vertices = mesh.vertices.tolist()
+for protocol in range(pickle.HIGHEST_PROTOCOL + 1):
+    try:
+        pickle.dumps(mesh, protocol)
+    except TypeError as error:
+        assert "a mesh cannot be pickled" in str(error), error
+    else:
+        raise SystemExit("pickled")
+copies = [copy.copy(mesh), copy.deepcopy(mesh)]
+del mesh
+for _ in range(2):
+    gc.collect()
+    assert all(found.vertices.tolist() == vertices for found in copies)
+    copies[-1].write("copy.ply")
+    copies.pop(0)
+    if not copies: break
+print("done")
+"""
+        with tempfile.TemporaryDirectory() as folder:
+            done = subprocess.run([sys.executable, "-c", script], cwd=folder, capture_output=True, text=True, timeout=60)
+        self.assertEqual((done.stdout, done.returncode), ("done\n", 0), done.stderr)
+
+    def test_attributes_are_checked_as_other_arrays(self):
+        bad = self.positions[:, 0].copy()
+        bad[9] = numpy.inf
+        with self.assertRaisesRegex(mf.ParticleError, r"attributes\['heat'\]: entry 9 is inf"):
+            mf.reconstruct(self.positions, SPACING, attributes={"heat": bad})
+        for name in ("position", "velocity", "radius", 3):
+            with self.subTest(name), self.assertRaisesRegex(mf.ParameterError, "expected a name other than position, velocity and radius"):
+                mf.reconstruct(self.positions, SPACING, attributes={name: self.positions})
+
     def test_ctrl_c_stops_a_call(self):
         # The call stops after the pass that runs: density, anisotropy and smoothing take a second each at least.
         script = """
 import os, signal, threading
 import numpy
 import meniscus_fx as mf
+from meniscus_fx import _native
+flags, statuses = [], []
+library, free = _native.library(), _native.Outcome.__del__
+class Flag(_native.Flag):
+    def set(self):
+        flags.append(self.address)
+        super().set()
+def freed(outcome):
+    statuses.append(library.meniscus_outcome_status(outcome.address))
+    free(outcome)
+_native.Flag, _native.Outcome.__del__ = Flag, freed
 x = numpy.random.default_rng(0).uniform(0, 1, (300_000, 3)).astype(numpy.float32)
 threading.Timer(0.2, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
 try:
     mf.reconstruct(x, 0.015, voxel=0.3, smoothing={"wavelength": 12})
 except KeyboardInterrupt:
     print("interrupted")
+print(len(flags), statuses)
 assert len(mf.reconstruct(numpy.zeros((1, 3)), 0.1).triangles) > 0
 """
         done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300)
-        self.assertEqual((done.stdout, done.returncode), ("interrupted\n", 0), done.stderr)
+        # 3: the library stopped before its end, and its result was freed once.
+        self.assertEqual((done.stdout, done.returncode), ("interrupted\n1 [3]\n", 0), done.stderr)
+
+    def test_an_interrupt_at_any_place_leaves_a_call_its_memory(self):
+        library, events = _native.library(), []
+
+        class Slow:
+            """The library with a call that takes long, and notes what becomes of its memory."""
+
+            def __getattr__(self, name):
+                return getattr(library, name)
+
+            def meniscus_reconstruct(self, request):
+                time.sleep(0.3)
+                events.append(("ends", arrays() is not None))
+                return library.meniscus_reconstruct(request)
+
+            def meniscus_cancel_set(self, flag):
+                events.append("cancelled")
+                library.meniscus_cancel_set(flag)
+
+            def meniscus_cancel_free(self, flag):
+                events.append("freed")
+                library.meniscus_cancel_free(flag)
+
+        class Waited:
+            """A lock whose waits Ctrl-C interrupts at first, right after the lock was taken or before."""
+
+            def __init__(self, is_taken):
+                self.lock, self.left, self.is_taken = _thread.allocate_lock(), 2, is_taken
+
+            def acquire(self, **options):
+                if options and self.left:
+                    self.left -= 1
+                    if self.is_taken:
+                        self.lock.acquire(**(options | {"timeout": 5}))
+                    raise KeyboardInterrupt
+                return self.lock.acquire(**options)
+
+            def release(self):
+                self.lock.release()
+
+        def start_and_interrupt(call, arguments):
+            _thread.start_new_thread(call, arguments)
+            raise KeyboardInterrupt
+
+        plain = {"start_new_thread": _thread.start_new_thread, "allocate_lock": _thread.allocate_lock}
+        for case, changed in {
+            "right after the start": {"start_new_thread": start_and_interrupt},
+            "before the lock is taken": {"allocate_lock": lambda: Waited(False)},
+            "after the lock was taken": {"allocate_lock": lambda: Waited(True)},
+            "both": {"start_new_thread": start_and_interrupt, "allocate_lock": lambda: Waited(True)},
+        }.items():
+            with self.subTest(case):
+                positions = self.positions.astype(float)
+                events.clear()
+                loaded, module = _native._loaded, _mesh._thread
+                column = _mesh._column
+
+                def noted(*arguments, **options):
+                    nonlocal arrays
+                    array = column(*arguments, **options)
+                    arrays = weakref.ref(array)
+                    return array
+
+                arrays = None
+                _native._loaded, _mesh._thread, _mesh._column = Slow(), types.SimpleNamespace(**(plain | changed)), noted
+                try:
+                    with self.assertRaises(KeyboardInterrupt):
+                        mf.reconstruct(positions, SPACING)
+                    ended = list(events)
+                    gc.collect()
+                finally:
+                    _native._loaded, _mesh._thread, _mesh._column = loaded, module, column
+                # It ended before the caller may change the arrays.
+                self.assertIn(("ends", True), ended)
+                self.assertEqual((events.count("freed"), events[-1]), (1, "freed"), events)
+                self.assertTrue("cancelled" in events[:2], events)
+
+    @unittest.skipUnless(hasattr(signal, "setitimer"), "this system has no timer that signals")
+    def test_many_interrupts_neither_block_nor_end_the_interpreter(self):
+        script = """
+import random, signal, time, numpy, meniscus_fx as mf
+x = numpy.random.default_rng(0).uniform(0, 0.2, (200, 3)).astype(numpy.float32)
+left = interrupted = calls = 0
+def interrupt(*_):
+    global left
+    if left:
+        left -= 1
+        raise KeyboardInterrupt
+signal.signal(signal.SIGALRM, interrupt)
+random.seed(1)
+def once():
+    global left, calls
+    left = random.randint(1, 3)
+    signal.setitimer(signal.ITIMER_REAL, random.uniform(1e-4, 2e-2), 1e-3)
+    mf.reconstruct(x, 0.05, threads=1)
+    calls += 1
+end = time.monotonic() + 4
+while time.monotonic() < end:
+    try:
+        try:
+            try:
+                once()
+            finally:
+                left = 0
+        except KeyboardInterrupt:
+            interrupted += 1
+    except KeyboardInterrupt:
+        left = 0
+signal.setitimer(signal.ITIMER_REAL, 0)
+print(interrupted > 3)
+"""
+        done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)
+        self.assertEqual((done.stdout, done.returncode), ("True\n", 0), done.stderr)
 
 
 class Checkout(unittest.TestCase):
@@ -270,6 +450,20 @@ class Checkout(unittest.TestCase):
                 mf.reconstruct(numpy.zeros((1, 3)), 0.1)
         finally:
             _native._loaded, _native.PATH = loaded, path
+
+    def test_another_interface_is_reported_before_its_functions_are_looked_up(self):
+        class Older:
+            @staticmethod
+            def meniscus_abi():
+                return 7
+
+        for found, library in (("7", Older()), ("None", object())):
+            loaded, load, _native._loaded, ctypes.CDLL = _native._loaded, ctypes.CDLL, None, lambda _, library=library: library
+            try:
+                with self.subTest(found), self.assertRaisesRegex(mf.MeniscusError, f"found interface {found}, expected 1"):
+                    _native.library()
+            finally:
+                _native._loaded, ctypes.CDLL = loaded, load
 
 
 if __name__ == "__main__":
