@@ -16,13 +16,36 @@ HERE = Path(__file__).resolve().parent
 # Licences of which a package has to offer one: all of them require no more than that their text is passed on.
 ALLOWED = {
     "0BSD", "Apache-2.0", "Apache-2.0 WITH LLVM-exception", "BSD-2-Clause", "BSD-3-Clause", "BSL-1.0", "ISC", "MIT",
-    "Unicode-3.0", "Unlicense", "Zlib",
+    "Unicode-3.0", "Unlicense", "ZPL-2.1", "Zlib",
 }  # fmt: skip
 FILES = re.compile(r"(?i)^(licen[cs]e|copying|copyright|notice|unlicense)([.-].*)?$")
 # Files that are in a package's archive below its top, of C libraries that are compiled in.
 INSIDE = {"lz4-sys": ["liblz4/lib/LICENSE"], "zstd-sys": ["zstd/LICENSE"]}
 # Packages whose archives leave out the text, with the file here that has it.
 MISSING = {"blosc-src": "blosc.txt"}
+# Version of zig, which links the files for wheels, and has the sources of what it links into them.
+ZIG = "0.17.1"
+
+
+@dataclass(frozen=True)
+class Runtime:
+    """Parts of a system's or compiler's library that the linker adds."""
+
+    licence: str
+    text: str
+    """Its licence inside of the package ziglang; `licences/NAME.txt` has the same content."""
+    targets: tuple[str, ...]
+    """Words of the targets that have it."""
+    description: str
+
+
+RUNTIMES = {
+    "llvm-libunwind": Runtime(
+        "Apache-2.0 WITH LLVM-exception", "lib/libunwind/LICENSE.TXT", ("linux", "windows"), "LLVM's library that unwinds the stack"
+    ),
+    "mingw-w64": Runtime("ZPL-2.1", "lib/libc/mingw/COPYING", ("windows",), "Start-up code and C library of mingw-w64 for Windows"),
+    "zig-compiler-rt": Runtime("MIT", "LICENSE", ("linux", "windows", "darwin"), "Arithmetic that processors lack, of the compiler zig"),
+}  # fmt: skip
 
 
 class LicenceError(Exception):
@@ -45,7 +68,7 @@ class Package:
 
     @property
     def purl(self) -> str:
-        return f"pkg:cargo/{self.name}@{self.version}"
+        return f"pkg:{'generic' if self.name in RUNTIMES else 'cargo'}/{self.name}@{self.version}"
 
 
 def packages(target: str) -> list[Package]:
@@ -82,7 +105,7 @@ def packages(target: str) -> list[Package]:
                 checksums[name, version], tuple(names), package["description"] or "",
             )  # fmt: skip
         )
-    return sorted([*found, standard_library()], key=lambda package: (package.name, package.version))
+    return sorted([*found, standard_library(), *runtimes(target)], key=lambda package: (package.name, package.version))
 
 
 def standard_library() -> Package:
@@ -90,6 +113,21 @@ def standard_library() -> Package:
     version = subprocess.run(["rustc", "--version"], check=True, capture_output=True, text=True).stdout.split()[1]
     sysroot = Path(subprocess.run(["rustc", "--print", "sysroot"], check=True, capture_output=True, text=True).stdout.strip())
     return Package("std", version, "MIT OR Apache-2.0", sysroot / "share" / "doc" / "rust", None, (), "Rust's standard library")
+
+
+def runtimes(target: str) -> list[Package]:
+    """What the linker adds to the files for a target."""
+    added = {name: runtime for name, runtime in RUNTIMES.items() if set(runtime.targets) & set(target.split("-"))}
+    return [Package(name, f"zig-{ZIG}", it.licence, HERE / "licences", None, (), it.description) for name, it in added.items()]
+
+
+def compare_with_zig(folder: Path) -> list[str]:
+    """The runtimes whose texts here are not those of the package ziglang in a folder."""
+    names = []
+    for name, runtime in RUNTIMES.items():
+        here, there = (path.read_text(encoding="utf-8") for path in (HERE / "licences" / f"{name}.txt", folder / runtime.text))
+        names += [name] if here != there else []
+    return names
 
 
 def parse(expression: str) -> list[list[str]]:
@@ -143,7 +181,9 @@ def chosen(package: Package) -> list[str]:
 
 def texts(package: Package) -> list[tuple[str, str]]:
     """The names and contents of a package's licence files."""
-    if package.folder == ROOT or ROOT in package.folder.parents:
+    if package.name in RUNTIMES:
+        files = [package.folder / f"{package.name}.txt"]
+    elif package.folder == ROOT or ROOT in package.folder.parents:
         files = [ROOT / "LICENSE-APACHE", ROOT / "LICENSE-MIT"]
     elif package.name == "std":
         # The page with the notices of what the library is made of, which the toolchain has with it.

@@ -23,6 +23,15 @@ class Platform:
     floor: tuple[int, int] | None = None
     """Oldest glibc or macOS that the files may need; None: not a matter of versions."""
 
+    def has_glibc(self, version: str) -> bool:
+        """Whether its oldest glibc has a symbol version such as GLIBC_2.17. It has none without a number: of these, GLIBC_PRIVATE
+        is of one glibc alone, and GLIBC_ABI_DT_RELR requires 2.36."""
+        family, _, number = version.partition("_")
+        if family != "GLIBC" or self.floor is None:
+            return True
+        parts = number.split(".")
+        return all(part.isdigit() for part in parts) and tuple(map(int, parts)) <= self.floor
+
 
 # Link-time optimisation leaves out what nothing calls. Without it that is left to the linker, which does so for Linux; for Windows neither
 # zig's nor GNU's does (libraries of 16.7 and 17.0 MB), for macOS zig's exports, and so keeps, everything (14.9 MB).

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import lief
 
+import wheel
 from platforms import Platform
 
 # Libraries that every system of the kind has: for Linux those of the manylinux policy, for Windows those of Windows 10.
@@ -33,9 +34,23 @@ def check(platform: Platform, path: Path, machine_paths: list[str]) -> list[str]
     """What is wrong with a file for a system; nothing if it is fine."""
     kind = platform.name.split("-")[0]
     found = {"linux": elf, "macos": macho, "windows": pe}[kind](platform, path)
+    if not found and path.name == platform.library:
+        found += functions(path)
     data = path.read_bytes()
     leaks = [text for text in machine_paths if text.encode() in data]
     return [f"{path.name}: {problem}" for problem in [*found, *(f"found the path {text} of this machine" for text in leaks)]]
+
+
+def functions(path: Path) -> list[str]:
+    """Functions that the Python side calls and a library does not export."""
+    binary = lief.parse(str(path))
+    if isinstance(binary, lief.PE.Binary):
+        exported = {str(entry.name) for entry in binary.get_export().entries} if binary.has_exports else set()
+    else:
+        # Names of C begin with a line on macOS.
+        exported = {str(symbol.name).removeprefix("_") for symbol in binary.exported_symbols}
+    missing = wheel.called_functions() - exported
+    return [f"does not export {name}, which meniscus_fx/_native.py calls" for name in sorted(missing)]
 
 
 def elf(platform: Platform, path: Path) -> list[str]:
@@ -45,9 +60,7 @@ def elf(platform: Platform, path: Path) -> list[str]:
     problems = [f"needs {name}, which not every Linux has" for name in binary.libraries if name not in LINUX | LINUX_LOADERS]
     for requirement in binary.symbols_version_requirement:
         for auxiliary in requirement.get_auxiliary_symbols():
-            family, _, number = auxiliary.name.partition("_")
-            numbers = tuple(int(part) for part in number.split(".") if part.isdigit())
-            if family == "GLIBC" and platform.floor and numbers > platform.floor:
+            if not platform.has_glibc(auxiliary.name) and platform.floor:
                 problems.append(f"needs {auxiliary.name}, expected at most glibc {platform.floor[0]}.{platform.floor[1]}")
     return problems
 

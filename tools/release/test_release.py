@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """Tests what tools/release packs, without compiling: licences, the list of packages, the archive, the extension's manifest."""
 
+import ast
 import dataclasses
 import hashlib
 import json
+import os
 import re
+import subprocess
 import sys
 import tempfile
 import tomllib
@@ -61,6 +64,29 @@ class Licences(unittest.TestCase):
         # Of tests, and of what only compiles.
         self.assertFalse({"proptest", "criterion", "syn", "cc", "serde_derive"} & names)
 
+    def test_what_the_linker_adds_is_listed_for_the_targets_that_have_it(self):
+        expected = {
+            "linux-x64": {"llvm-libunwind", "zig-compiler-rt"},
+            "windows-x64": {"llvm-libunwind", "mingw-w64", "zig-compiler-rt"},
+            "macos-arm64": {"zig-compiler-rt"},
+        }
+        for name, names in expected.items():
+            self.assertEqual({package.name for package in licences.runtimes(PLATFORMS[name].target)}, names)
+        self.assertLessEqual(expected["linux-x64"], {package.name for package in self.shipped})
+        windows = licences.runtimes(PLATFORMS["windows-x64"].target)
+        text = licences.third_party(windows)
+        for part in (f"mingw-w64 zig-{licences.ZIG}: ZPL-2.1", "Copyright (c) 2009 - 2013 by the mingw-w64 project", "LLVM Exceptions", "Zig contributors"):
+            self.assertIn(part, text)
+        self.assertIn("ZPL-2.1", licences.expression(windows))
+        with tempfile.TemporaryDirectory() as folder:
+            for name, runtime in licences.RUNTIMES.items():
+                path = Path(folder) / runtime.text
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes((licences.HERE / "licences" / f"{name}.txt").read_bytes())
+            self.assertEqual(licences.compare_with_zig(Path(folder)), [])
+            path.write_text("another text")
+            self.assertEqual(licences.compare_with_zig(Path(folder)), [name])
+
     def test_the_list_of_packages_is_complete(self):
         text = licences.sbom(self.shipped, "1.2.3")
         self.assertEqual(text, licences.sbom(self.shipped, "1.2.3"))
@@ -94,6 +120,8 @@ class Archive(unittest.TestCase):
                 self.assertEqual(len(data), int(size))
                 expected = wheel.base64.urlsafe_b64encode(hashlib.sha256(data).digest()).decode().rstrip("=")
                 self.assertEqual(digest, f"sha256={expected}", name)
+            # What zip files otherwise take from the machine.
+            self.assertEqual({(info.date_time, info.create_system) for info in archive.infolist()}, {(wheel.EPOCH, 3)})
             modes = {name: archive.getinfo(name).external_attr >> 16 for name in names}
             self.assertEqual(modes["meniscus_fx/bin/meniscus"], 0o100755)
             self.assertEqual(modes["meniscus_fx/_mesh.py"], 0o100644)
@@ -113,6 +141,32 @@ class Archive(unittest.TestCase):
         self.assertEqual({key: found[key] for key in before if key != "license"}, {key: before[key] for key in before if key != "license"})
 
 
+class Platforms(unittest.TestCase):
+    def test_symbol_versions_that_the_oldest_glibc_lacks_are_found(self):
+        cases = {"GLIBC_2.2.5": True, "GLIBC_2.28": True, "GLIBC_2.28.1": False, "GLIBC_2.29": False, "GLIBC_3.0": False, "GCC_3.3": True}
+        cases |= {"GLIBC_ABI_DT_RELR": False, "GLIBC_PRIVATE": False, "GLIBC_": False}
+        for version, has in cases.items():
+            self.assertEqual(LINUX.has_glibc(version), has, version)
+
+    def test_all_folders_of_a_machine_are_renamed(self):
+        script = "import runpy, sys; build = runpy.run_path(sys.argv[1], run_name='build'); print('\\n'.join(build['machine_paths']()))"
+        folders = {"CARGO_HOME": "/somewhere/cargo", "RUSTUP_HOME": "/elsewhere/rustup", "CARGO_TARGET_DIR": "/scratch/target"}
+        command = [sys.executable, "-c", script, licences.HERE / "build"]
+        found = subprocess.run(command, env=os.environ | folders, capture_output=True, text=True, check=True).stdout.splitlines()
+        self.assertLessEqual({str(Path(path).absolute()) for path in folders.values()} | {str(licences.ROOT)}, set(found))
+
+
+class Sources(unittest.TestCase):
+    def test_the_package_has_the_syntax_of_its_oldest_python(self):
+        oldest = re.search(r"Requires-Python: >=(\d+)\.(\d+)", wheel.metadata([])).groups()
+        self.assertEqual(oldest, ("3", "9"))
+        for path in wheel.PACKAGE.glob("*.py"):
+            source = path.read_text(encoding="utf-8")
+            ast.parse(source, path.name, feature_version=tuple(map(int, oldest)))
+            # Else annotations such as `int | None` are evaluated, which 3.9 cannot.
+            self.assertTrue("|" not in source or "from __future__ import annotations" in source, path.name)
+
+
 class Interface(unittest.TestCase):
     def test_both_sides_and_windows_have_the_same_functions(self):
         native = licences.ROOT / "tools/python/native"
@@ -120,8 +174,7 @@ class Interface(unittest.TestCase):
         source = (native / "src/lib.rs").read_text()
         defined = set(re.findall(r'pub (?:unsafe )?extern "C" fn (\w+)', source))
         python = (licences.ROOT / "tools/python/meniscus_fx/_native.py").read_text()
-        called = set(re.findall(r'^    "(meniscus_\w+)":', python, re.MULTILINE))
-        self.assertEqual((exported, called), (defined, defined))
+        self.assertEqual((exported, wheel.called_functions()), (defined, defined))
         versions = [re.search(pattern, text).group(1) for pattern, text in ((r"const ABI: u32 = (\d+)", source), (r"ABI = (\d+)", python))]
         self.assertEqual(versions[0], versions[1])
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Packs wheels: the same bytes from the same files on every machine."""
+"""Packs wheels: the same bytes from the same files on every machine whose Python has the same zlib."""
 
+import ast
 import base64
 import hashlib
 import re
@@ -39,6 +40,15 @@ def version() -> str:
         if other != found:
             sys.exit(f"tools/python/{file}: found the version {other}, expected {found}, that of Cargo.toml")
     return str(found)
+
+
+def called_functions() -> set[str]:
+    """The functions of the library that the package calls: the keys of FUNCTIONS in its `_native.py`."""
+    tree = ast.parse((PACKAGE / "_native.py").read_text(encoding="utf-8"))
+    for node in tree.body:
+        if isinstance(node, ast.Assign) and isinstance(node.value, ast.Dict) and ast.unparse(node.targets[0]) == "FUNCTIONS":
+            return {key.value for key in node.value.keys if isinstance(key, ast.Constant)}
+    sys.exit(f"{PACKAGE / '_native.py'}: found no dictionary FUNCTIONS")
 
 
 def metadata(shipped: list[licences.Package]) -> str:
