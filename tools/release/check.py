@@ -6,12 +6,13 @@
     tools/release/check.py [DIR] --suite CLI     also the tests of the command line (target/debug/deps/cli-…) on the Windows program
 
 On Linux x86-64. The wheel of Linux x86-64 is installed by pip into a fresh environment, with the tests of the package. Linux arm64 runs by
-qemu-aarch64-static, Windows by wine (with a library that Debian's lacks, compiled by x86_64-w64-mingw32-gcc). What cannot
+qemu-aarch64-static, Windows by wine (with a library that Debian's lacks, compiled by x86_64-w64-mingw32-gcc). Libraries are loaded by load.c, compiled by zig. What cannot
 run here is reported as LEFT OUT: wheels of macOS are only checked by their headers, in tools/release/build.
 """
 
 import argparse
 import hashlib
+import importlib.util
 import os
 import shutil
 import subprocess
@@ -82,6 +83,23 @@ def made(run: list[str], folder: Path) -> dict[str, str]:
     return {path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
 
+# The target of zig's compiler for C, with the oldest glibc.
+C_TARGETS = {"linux-x64": "x86_64-linux-gnu.2.28", "linux-arm64": "aarch64-linux-gnu.2.28", "windows-x64": "x86_64-windows-gnu"}
+
+
+def loaded(platform: Platform, run: list[str], folder: Path) -> str:
+    """What load.c prints of the library of an unpacked wheel, and a hash of the mesh that it writes; `run` runs the program."""
+    if importlib.util.find_spec("ziglang") is None:
+        raise LeftOut("its library was not loaded: the package ziglang, which compiles load.c, is not installed")
+    program = folder / "meniscus_fx/bin" / ("load.exe" if platform.name.startswith("windows") else "load")
+    compiler = [sys.executable, "-m", "ziglang", "cc", "-target", C_TARGETS[platform.name], "-O1"]
+    subprocess.run([*compiler, "-o", program, ROOT / "tools/release/load.c", *([] if program.suffix else ["-ldl"])], check=True)
+    library = folder / "meniscus_fx/lib" / platform.library
+    # Windows looks for what a library needs next to the program.
+    found = subprocess.run([*run[:-1], program, library], cwd=folder, check=True, capture_output=True, text=True).stdout
+    return "\n".join([*found.splitlines(), hashlib.sha256((folder / "load.ply").read_bytes()).hexdigest()])
+
+
 def installed(wheels: Path, work: Path) -> None:
     """Installs the wheel of this system, and runs the tests of the package on it."""
     (path,) = wheels.glob(f"meniscus_fx-*-py3-none-{PLATFORMS['linux-x64'].tag}.whl")
@@ -109,7 +127,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)
         installed(options.wheels, work)
-        reference = None
+        reference = library = None
         for platform in sorted(PLATFORMS.values(), key=lambda platform: platform.name != "linux-x64"):
             try:
                 run = command(platform, unpacked(platform, options.wheels, work / platform.name))
@@ -121,6 +139,14 @@ def main() -> int:
             differing = sorted(name for name in reference.keys() | files.keys() if reference.get(name) != files.get(name))
             print(f"{platform.name}: {len(files)} files, {len(differing)} differ {' '.join(differing[:5])}", flush=True)
             failed |= bool(differing)
+            try:
+                printed = loaded(platform, run, work / platform.name)
+            except LeftOut as reason:
+                print(f"{platform.name}: LEFT OUT, {reason}", flush=True)
+            else:
+                library = library or printed
+                print(f"{platform.name}: its library {'makes the same mesh' if printed == library else 'differs: ' + printed}", flush=True)
+                failed |= printed != library
             if platform.name == "windows-x64" and options.suite:
                 failed |= suite(options.suite.resolve(), run, work) != 0
     return int(failed)
