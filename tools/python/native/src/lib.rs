@@ -116,15 +116,19 @@ pub unsafe extern "C" fn meniscus_cancel_free(flag: *mut CancelToken) {
 /// All pointers of the request are valid for reads of the lengths next to them until the call returns, and nothing writes there.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meniscus_reconstruct(request: *const RawRequest) -> *mut Outcome {
-    let made = catch_unwind(AssertUnwindSafe(|| {
+    let outcome = without_unwinding(|| {
         // SAFETY: the caller's contract.
         let raw = unsafe { &*request };
         // SAFETY: likewise.
-        let (request, cancel) = unsafe { (read_request(raw)?, &*raw.cancel) };
-        request.run(cancel)
-    }));
-    let made = made.unwrap_or_else(|panic| Err(Failure::Internal(panic_text(&*panic))));
-    Box::into_raw(Box::new(Outcome::new(made)))
+        let made = unsafe { read_request(raw) }.and_then(|request| {
+            // SAFETY: likewise.
+            let cancel = unsafe { &*raw.cancel };
+            request.run(cancel)
+        });
+        // Its report is made here, too.
+        Some(Outcome::new(made))
+    });
+    outcome.map_or(ptr::null_mut(), |outcome| Box::into_raw(Box::new(outcome)))
 }
 
 /// Whether there is a mesh (0), or why not: 1 a parameter, 2 the particles, 3 cancelled, 4 a bug.
@@ -174,15 +178,13 @@ pub unsafe extern "C" fn meniscus_outcome_column(outcome: *const Outcome, column
 /// As [`meniscus_outcome_status`]; `path` is valid for reads of its length.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meniscus_outcome_write(outcome: *const Outcome, path: Text) -> *mut Outcome {
-    let written = catch_unwind(AssertUnwindSafe(|| {
+    let failure = without_unwinding(|| {
         // SAFETY: the caller's contract.
-        let (outcome, path) = unsafe { (&*outcome, read_text(path)?) };
-        outcome.write(Path::new(path))
-    }));
-    match written.unwrap_or_else(|panic| Err(Failure::Internal(panic_text(&*panic)))) {
-        Ok(()) => ptr::null_mut(),
-        Err(failure) => Box::into_raw(Box::new(Outcome::new(Err(failure)))),
-    }
+        let (outcome, path) = unsafe { (&*outcome, read_text(path)) };
+        let written = path.and_then(|path| outcome.write(Path::new(path)));
+        written.err().map(|failure| Outcome::new(Err(failure)))
+    });
+    failure.map_or(ptr::null_mut(), |failure| Box::into_raw(Box::new(failure)))
 }
 
 /// Frees an outcome and its mesh.
@@ -193,6 +195,12 @@ pub unsafe extern "C" fn meniscus_outcome_write(outcome: *const Outcome, path: T
 pub unsafe extern "C" fn meniscus_outcome_free(outcome: *mut Outcome) {
     // SAFETY: the caller's contract.
     drop(unsafe { Box::from_raw(outcome) });
+}
+
+/// The result of a job, or the outcome of its panic.
+fn without_unwinding(job: impl FnOnce() -> Option<Outcome>) -> Option<Outcome> {
+    catch_unwind(AssertUnwindSafe(job))
+        .unwrap_or_else(|panic| Some(Outcome::new(Err(Failure::Internal(panic_text(&*panic))))))
 }
 
 /// The request, borrowed from its caller.
@@ -267,4 +275,16 @@ unsafe fn read_text<'a>(text: Text) -> Result<&'a str, Failure> {
 /// A text for the caller.
 pub(crate) fn text_of(text: &str) -> Text {
     Text { data: text.as_ptr(), len: text.len() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_is_an_outcome() {
+        let outcome = without_unwinding(|| panic!("planted")).unwrap();
+        assert_eq!((outcome.status(), outcome.text()), (4, "planted"));
+        assert!(without_unwinding(|| None).is_none());
+    }
 }
