@@ -2,7 +2,7 @@
 
 use super::{
     examples,
-    product_args::{CollidersArgs, ExportArgs, MeshArgs, Tier, VolumeArgs, WhitewaterArgs},
+    product_args::{CollidersArgs, ExportArgs, MeshArgs, Tier, UsdArgs, VolumeArgs, WhitewaterArgs},
     values::{fraction, frames, size, spacing, time},
 };
 use crate::{
@@ -112,6 +112,9 @@ pub(super) enum Verb {
     Export(ExportArgs),
     /// Write the colliders of a shot as meshes with their motion; `shot` does so too
     Colliders(CollidersArgs),
+    /// Join the meshes, points, sheets, colliders and camera of a shot folder to a USD stage, for Houdini, Maya and others
+    #[command(after_help = examples::USD)]
+    Usd(UsdArgs),
     /// Compute spray, foam and bubbles of a cached liquid, as PLY points; `shot` does so too where the preset has `[whitewater]`
     #[command(after_help = examples::WHITEWATER)]
     Whitewater(WhitewaterArgs),

@@ -29,6 +29,10 @@ pub(super) const EXPORT: &str = "Examples:\n  \
 pub(super) const WHITEWATER: &str = "Examples:\n  \
     meniscus whitewater my-shot --force    again, without simulating the liquid";
 
+pub(super) const USD: &str = "Examples:\n  \
+    meniscus usd my-shot                                    metres and Z up, as Blender and Solaris take it\n  \
+    meniscus usd my-shot --up y --scale 100 --names maya    centimetres and Y up";
+
 pub(super) const VERIFY: &str = "Examples:\n  \
     meniscus verify my-shot && echo complete";
 

@@ -22,6 +22,7 @@ mod reference;
 mod shot;
 mod shot_inputs;
 mod tradeoff;
+mod usd;
 mod values;
 mod volume;
 mod wedge;
@@ -61,6 +62,7 @@ pub fn main() -> ExitCode {
         Verb::Whitewater(args) => whitewater::whitewater(args, control),
         Verb::Export(args) => export::export(args, control),
         Verb::Colliders(args) => colliders::colliders(args, control),
+        Verb::Usd(args) => usd::usd(args, control),
         Verb::Farm(args) => farm::farm(args, cli.threads, control),
         Verb::Wedge(args) => wedge::wedge(args, control),
         Verb::Info(args) => info::info(args),

@@ -1,8 +1,15 @@
 //! Arguments of the verbs that make products.
 
-use super::values::{frames, mesh_format, sheet_format, size, spacing, thickness, volume_grid, wait};
+use super::values::{
+    frames, mesh_format, name_scheme, scale, sheet_format, size, spacing, thickness, up_axis, volume_grid,
+    wait,
+};
 use crate::{
-    export::{MeshFormat, SheetFormat, vdb::VolumeGrid},
+    export::{
+        MeshFormat, SheetFormat,
+        usd::{NameScheme, UpAxis},
+        vdb::VolumeGrid,
+    },
     scene::Frames,
 };
 use clap::{Args, ValueEnum};
@@ -134,6 +141,42 @@ pub(super) struct CollidersArgs {
     pub(super) frames: Option<Frames>,
 
     /// Refuse colliders that need more memory than this: `8GiB`, `500MiB`
+    #[arg(long, value_name = "SIZE", value_parser = size)]
+    pub(super) max_memory: Option<u64>,
+
+    /// Write again what is there already
+    #[arg(long)]
+    pub(super) force: bool,
+}
+
+/// Arguments of `usd`.
+#[derive(Debug, Args)]
+pub(super) struct UsdArgs {
+    /// A shot folder with PLY meshes or points, sheets or colliders
+    #[arg(value_name = "SHOT")]
+    pub(super) shot: PathBuf,
+
+    /// The folder that gets `usd/` and `shot.json`; by default the shot folder itself
+    #[arg(short, long, value_name = "DIR")]
+    pub(super) output: Option<PathBuf>,
+
+    /// The axis that points up: `z`, or `y` as in Houdini and Maya. Coordinates are turned, no transform is added
+    #[arg(long, value_name = "AXIS", default_value = "z", value_parser = up_axis)]
+    pub(super) up: UpAxis,
+
+    /// Units in a metre: 100 for centimetres, as in Maya. Coordinates, velocities and widths are multiplied by it
+    #[arg(long, value_name = "UNITS", default_value_t = 1.0, allow_negative_numbers = true, value_parser = scale)]
+    pub(super) scale: f64,
+
+    /// Add attributes under the names of a program: `houdini` (v, N, pscale, Cd) or `maya` (velocityPV, radiusPP, rgbPP)
+    #[arg(long, value_name = "PROGRAM", value_parser = name_scheme)]
+    pub(super) names: Option<NameScheme>,
+
+    /// The frames to write: `1-240`, `1-240x2`, `1,5,9-12`. By default all that are there
+    #[arg(long, value_name = "LIST", value_parser = frames)]
+    pub(super) frames: Option<Frames>,
+
+    /// Make so many frames at once as need about this much memory, and refuse a frame that needs more: `8GiB`, `500MiB`
     #[arg(long, value_name = "SIZE", value_parser = size)]
     pub(super) max_memory: Option<u64>,
 

@@ -1,7 +1,11 @@
 //! How the values of flags are read: frames, sizes, times, formats.
 
 use crate::{
-    export::{MeshFormat, SheetFormat, vdb::VolumeGrid},
+    export::{
+        MeshFormat, SheetFormat,
+        usd::{NameScheme, SCALE_RANGE, UpAxis},
+        vdb::VolumeGrid,
+    },
     preset::units,
     scene::Frames,
 };
@@ -27,6 +31,23 @@ pub(super) fn sheet_format(text: &str) -> Result<SheetFormat, String> {
         .into_iter()
         .find(|format| format.name() == text)
         .ok_or_else(|| "expected pc2, ply or obj".into())
+}
+
+pub(super) fn up_axis(text: &str) -> Result<UpAxis, String> {
+    let found = UpAxis::ALL.into_iter().find(|axis| axis.name().eq_ignore_ascii_case(text));
+    found.ok_or_else(|| "expected y or z".into())
+}
+
+/// Units of a stage in a metre.
+pub(super) fn scale(text: &str) -> Result<f64, String> {
+    let (min, max) = (SCALE_RANGE.start(), SCALE_RANGE.end());
+    let found = text.trim().parse().ok().filter(|scale| SCALE_RANGE.contains(scale));
+    found.ok_or_else(|| format!("expected units in a metre, {min} to {max}, such as 100 for centimetres"))
+}
+
+pub(super) fn name_scheme(text: &str) -> Result<NameScheme, String> {
+    let named = NameScheme::ALL.into_iter().filter(|&scheme| scheme != NameScheme::Usd);
+    named.into_iter().find(|scheme| scheme.name() == text).ok_or_else(|| "expected houdini or maya".into())
 }
 
 /// A spacing of particles [m], whose range is checked where it is used.

@@ -11,6 +11,7 @@ pub(crate) mod npz;
 pub mod obj;
 pub mod pc2;
 pub mod ply;
+pub mod usd;
 pub mod vdb;
 
 pub use error::ExportError;

@@ -12,6 +12,7 @@ mod budget;
 mod error;
 mod expand;
 mod gather;
+mod geometry;
 mod imported;
 mod npy;
 #[cfg(feature = "npz")]
@@ -35,8 +36,9 @@ mod tests;
 pub use error::ImportError;
 pub use expand::expand;
 pub(crate) use expand::folders;
+pub(crate) use geometry::{Geometry, parse_geometry, parse_geometry_header};
 pub use imported::Imported;
-pub(crate) use pc2::parse_point_cache;
+pub(crate) use pc2::{PointCacheFile, parse_point_cache};
 pub use sequence::Sequence;
 pub(crate) use triangles::parse_triangles;
 pub use triangles::{SheetFaces, parse_sheet};

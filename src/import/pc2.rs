@@ -1,8 +1,12 @@
 //! PC2 point caches: positions of the same points in many frames (`export::pc2` has the layout).
 
 use super::ImportError;
-use crate::math::Vec3;
-use std::path::Path;
+use crate::{cache::open_regular, math::Vec3};
+use std::{
+    fs::File,
+    io::{Read, Seek, SeekFrom},
+    path::{Path, PathBuf},
+};
 
 /// Bytes before the first sample.
 const HEADER: usize = 32;
@@ -23,48 +27,120 @@ pub(crate) struct Pc2 {
     pub(crate) samples: Vec<Vec<Vec3>>,
 }
 
+/// What the header of a point cache has.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Head {
+    start: f64,
+    step: f64,
+    samples: usize,
+}
+
+impl Head {
+    /// The header of a file that has so many bytes after it, and should have so many points.
+    fn parse(path: &Path, header: &[u8; HEADER], data: u64, points: usize) -> Result<Self, ImportError> {
+        let fault =
+            |found: String, expected: String| Err(ImportError::malformed(path, "header", found, expected));
+        let word = |at: usize| [0, 1, 2, 3].map(|byte| header[at + byte]);
+        let [version, count, samples] = [12, 16, 28].map(|at| i32::from_le_bytes(word(at)));
+        let [start, step] = [20, 24].map(|at| f32::from_le_bytes(word(at)));
+        if !header.starts_with(MAGIC) || version != 1 {
+            return fault("other bytes".to_owned(), "`POINTCACHE2` and version 1".to_owned());
+        }
+        if usize::try_from(count) != Ok(points) {
+            return fault(format!("{count} points"), format!("{points}, as the mesh has vertices"));
+        }
+        let is_frame = |frame: f32| frame.abs() <= MAX_FRAME;
+        if !is_frame(start) || !is_frame(step) || step < 1.0 / 1024.0 {
+            let found = format!("{start} as its first frame and {step} as frames between samples");
+            return fault(found, "frames within 1e7, with 1/1024 and more between samples".to_owned());
+        }
+        let size = (points as u64).checked_mul(12).filter(|&size| size > 0);
+        let expected = size.and_then(|size| size.checked_mul(u64::try_from(samples).ok()?));
+        if samples < 1 || expected != Some(data) {
+            let found = format!("{samples} samples in {data} bytes");
+            return fault(found, format!("one sample and more, of {points} points with 12 bytes each"));
+        }
+        Ok(Self { start: f64::from(start), step: f64::from(step), samples: samples as usize })
+    }
+}
+
+/// A point cache whose samples are read one at a time.
+#[derive(Debug)]
+pub(crate) struct PointCacheFile {
+    path: PathBuf,
+    file: File,
+    points: usize,
+    /// Frame of the first sample.
+    pub(crate) start: f64,
+    /// Frames between samples.
+    pub(crate) step: f64,
+    /// Number of samples, one at least.
+    pub(crate) samples: usize,
+}
+
+impl PointCacheFile {
+    /// Opens the point cache at `path`, which should have so many points.
+    ///
+    /// # Errors
+    /// [`ImportError`] if it cannot be read or is no such point cache.
+    pub(crate) fn open(path: &Path, points: usize) -> Result<Self, ImportError> {
+        let read = || {
+            let (mut file, length) = open_regular(path)?;
+            let mut header = [0; HEADER];
+            file.read_exact(&mut header).map(|()| (file, header, length))
+        };
+        let (file, header, length) = read().map_err(|source| ImportError::from_io(path, "read", source))?;
+        let Head { start, step, samples } =
+            Head::parse(path, &header, length.saturating_sub(HEADER as u64), points)?;
+        Ok(Self { path: path.to_path_buf(), file, points, start, step, samples })
+    }
+
+    /// Positions of all points in a sample.
+    ///
+    /// # Errors
+    /// [`ImportError`] if they cannot be read, or one is not finite.
+    ///
+    /// # Panics
+    /// If there is no such sample.
+    pub(crate) fn sample(&mut self, number: usize) -> Result<Vec<Vec3>, ImportError> {
+        assert!(number < self.samples, "there are {} samples", self.samples);
+        let mut bytes = vec![0; 12 * self.points];
+        let place = HEADER as u64 + bytes.len() as u64 * number as u64;
+        let read = self.file.seek(SeekFrom::Start(place)).and_then(|_| self.file.read_exact(&mut bytes));
+        read.map_err(|source| ImportError::from_io(&self.path, "read", source))?;
+        let positions = positions(&bytes);
+        expect_finite(&self.path, number, &positions)?;
+        Ok(positions)
+    }
+}
+
+/// The positions of a sample.
+fn positions(sample: &[u8]) -> Vec<Vec3> {
+    let number = |bytes: &[u8; 4]| f32::from_le_bytes(*bytes);
+    let position = |bytes: &[[u8; 4]]| Vec3::new(number(&bytes[0]), number(&bytes[1]), number(&bytes[2]));
+    sample.as_chunks().0.chunks_exact(3).map(position).collect()
+}
+
+fn expect_finite(path: &Path, sample: usize, positions: &[Vec3]) -> Result<(), ImportError> {
+    let Some(point) = positions.iter().position(|x| x.iter().any(|c| !c.is_finite())) else { return Ok(()) };
+    let (place, found) =
+        (format!("sample {sample}, point {point}"), format!("{:?}", positions[point].as_slice()));
+    Err(ImportError::malformed(path, place, found, "finite coordinates"))
+}
+
 /// The point cache that a file's bytes hold; errors name `path`.
 ///
 /// # Errors
 /// [`ImportError`] if it is not one, or has other than `points` points, or one that is not finite.
 pub(crate) fn parse_point_cache(path: &Path, bytes: &[u8], points: usize) -> Result<Pc2, ImportError> {
-    let fault = |place: &str, found: String, expected: String| {
-        Err(ImportError::malformed(path, place.to_owned(), found, &expected))
+    let Some((header, data)) = bytes.split_first_chunk() else {
+        let found = format!("{} bytes", bytes.len());
+        return Err(ImportError::malformed(path, "header", found, format!("{HEADER} bytes and more")));
     };
-    let Some((header, data)) = bytes.split_at_checked(HEADER) else {
-        return fault("header", format!("{} bytes", bytes.len()), format!("{HEADER} bytes and more"));
-    };
-    let word = |at: usize| [0, 1, 2, 3].map(|byte| header[at + byte]);
-    let [version, count, samples] = [12, 16, 28].map(|at| i32::from_le_bytes(word(at)));
-    let [start, step] = [20, 24].map(|at| f32::from_le_bytes(word(at)));
-    if !header.starts_with(MAGIC) || version != 1 {
-        return fault("header", "other bytes".to_owned(), "`POINTCACHE2` and version 1".to_owned());
-    }
-    if usize::try_from(count) != Ok(points) {
-        return fault("header", format!("{count} points"), format!("{points}, as the mesh has vertices"));
-    }
-    let is_frame = |frame: f32| frame.abs() <= MAX_FRAME;
-    if !is_frame(start) || !is_frame(step) || step < 1.0 / 1024.0 {
-        let found = format!("{start} as its first frame and {step} as frames between samples");
-        return fault("header", found, "frames within 1e7, with 1/1024 and more between samples".to_owned());
-    }
-    let size = points.checked_mul(12).filter(|&size| size > 0);
-    let expected = size.and_then(|size| size.checked_mul(usize::try_from(samples).ok()?));
-    if samples < 1 || expected != Some(data.len()) {
-        let found = format!("{samples} samples in {} bytes", data.len());
-        return fault("header", found, format!("one sample and more, of {points} points with 12 bytes each"));
-    }
-    let number = |bytes: &[u8; 4]| f32::from_le_bytes(*bytes);
-    let position = |bytes: &[[u8; 4]]| Vec3::new(number(&bytes[0]), number(&bytes[1]), number(&bytes[2]));
-    let positions = |sample: &[u8]| sample.as_chunks().0.chunks_exact(3).map(position).collect();
+    let Head { start, step, .. } = Head::parse(path, header, data.len() as u64, points)?;
     let read: Vec<Vec<Vec3>> = data.chunks_exact(12 * points).map(positions).collect();
-    for (sample, positions) in read.iter().enumerate() {
-        if let Some(point) = positions.iter().position(|x| x.iter().any(|c| !c.is_finite())) {
-            let found = format!("{:?}", positions[point].as_slice());
-            return fault(&format!("sample {sample}, point {point}"), found, "finite coordinates".to_owned());
-        }
-    }
-    Ok(Pc2 { start: f64::from(start), step: f64::from(step), samples: read })
+    read.iter().enumerate().try_for_each(|(sample, positions)| expect_finite(path, sample, positions))?;
+    Ok(Pc2 { start, step, samples: read })
 }
 
 #[cfg(test)]

@@ -148,6 +148,11 @@ impl OutputFiles {
         self.pattern.replace(NUMBER, &format!("{frame:04}"))
     }
 
+    /// Whether every frame has a file of its own.
+    pub(crate) fn is_sequence(&self) -> bool {
+        self.pattern.contains(NUMBER)
+    }
+
     /// The pattern, or the files of all frames.
     pub(crate) fn paths(&self) -> impl Iterator<Item = &str> {
         [Some(self.pattern.as_str()), self.rest.as_deref(), self.point_cache.as_deref()].into_iter().flatten()

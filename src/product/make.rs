@@ -70,6 +70,10 @@ fn accepting<'a>(
     request: &ProductRequest,
 ) -> Result<Vec<&'a dyn Product>, RunError> {
     let ProductInput::Frames(source) = request.input else { return Ok(products) };
+    // What is made of no stream may be made of a folder without frames.
+    if products.iter().all(|product| !product.is_of_streams()) {
+        return Ok(products);
+    }
     let frames = source.frames(request.batch.selection.as_ref())?;
     // All frames of a cache have the streams of the first that can be read.
     let Some(streams) = frames.iter().find_map(|(_, path)| source.streams(path.as_deref()?)) else {

@@ -12,6 +12,7 @@ mod request;
 mod sample;
 mod sheet_mesh;
 pub(crate) mod surface;
+mod usd;
 pub(crate) mod volume;
 mod whitewater;
 

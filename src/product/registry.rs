@@ -2,9 +2,18 @@
 
 use super::{
     colliders::ColliderMeshes, interface::Product, point_cache::PointCache, points::TracerPoints,
-    sheet_mesh::SheetMesh, surface::SurfaceMesh, volume::VolumeFile, whitewater::WhitewaterPoints,
+    sheet_mesh::SheetMesh, surface::SurfaceMesh, usd::UsdStage, volume::VolumeFile,
+    whitewater::WhitewaterPoints,
 };
 
 /// Every product, in the order in which they are made.
-pub(crate) static ALL: [&dyn Product; 7] =
-    [&SurfaceMesh, &VolumeFile, &SheetMesh, &PointCache, &TracerPoints, &WhitewaterPoints, &ColliderMeshes];
+pub(crate) static ALL: [&dyn Product; 8] = [
+    &SurfaceMesh,
+    &VolumeFile,
+    &SheetMesh,
+    &PointCache,
+    &TracerPoints,
+    &WhitewaterPoints,
+    &ColliderMeshes,
+    &UsdStage,
+];

@@ -2,7 +2,7 @@
 
 use super::colliders;
 use crate::{
-    export::vdb::VolumeParams,
+    export::{usd::StageParams, vdb::VolumeParams},
     import::Sequence,
     job::{
         RunError, ShotFolder,
@@ -31,6 +31,8 @@ pub(crate) struct ProductSettings {
     pub points: bool,
     /// Whether colliders are written: those of a preset come with its other outputs.
     pub colliders: bool,
+    /// What a stage of the shot's files is like; `None`: there is none.
+    pub usd: Option<StageParams>,
 }
 
 impl ProductSettings {
@@ -40,7 +42,7 @@ impl ProductSettings {
         let is_any_shown = world.collider.iter().any(|collider| collider.shown_look().is_some());
         let colliders = output.has_files() && (is_any_shown || !body.is_empty());
         let (surface, volume, output) = (surface.clone(), volume.clone(), output.clone());
-        Self { surface, volume, output, whitewater: whitewater.clone(), points: false, colliders }
+        Self { surface, volume, output, whitewater: whitewater.clone(), points: false, colliders, usd: None }
     }
 
     /// The settings of the preset of a shot: its colliders are requested too if the manifest lists some of an earlier run.

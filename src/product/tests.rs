@@ -4,7 +4,7 @@ use super::{ALL, ProductInput, ProductRequest, ProductSettings};
 use crate::{
     cache,
     control::CancelToken,
-    export::{MeshFormat, SheetFormat, vdb::VolumeGrid},
+    export::{MeshFormat, SheetFormat, usd::StageParams, vdb::VolumeGrid},
     frame::{Frame, FrameIndex, Stream, StreamKind},
     job::{
         Control, ShotFolder, Silent,
@@ -35,9 +35,15 @@ fn make_all(streams: Vec<Stream>) -> Vec<Result<Vec<String>, String>> {
         sheet: SheetFormat::ALL.to_vec(),
         thickness: None,
     };
-    let whitewater = Some(WhitewaterParams::default());
-    let settings =
-        ProductSettings { output, whitewater, points: true, colliders: true, ..ProductSettings::default() };
+    let (whitewater, usd) = (Some(WhitewaterParams::default()), Some(StageParams::default()));
+    let settings = ProductSettings {
+        output,
+        whitewater,
+        points: true,
+        colliders: true,
+        usd,
+        ..ProductSettings::default()
+    };
     let batch = BatchRequest {
         selection: None,
         force: false,
@@ -70,5 +76,7 @@ fn nothing_is_made_of_streams_of_unknown_kind() {
     let both = make_all(vec![ball("liquid", StreamKind::Particles), ball("foam", StreamKind::Unknown)]);
     assert_eq!(both[0].as_deref(), Ok(&["liquid_0001.ply".to_owned()][..]));
     assert_eq!(both[1].as_deref(), Ok(&["liquid_0001.vdb".to_owned()][..]));
-    assert!(both[2..].iter().all(Result::is_err), "{both:?}");
+    assert!(both[2..7].iter().all(Result::is_err), "{both:?}");
+    // Of the files of the others.
+    assert_eq!(both[7].as_deref(), Ok(&["mesh-liquid_0001.usdc".to_owned()][..]));
 }

@@ -187,10 +187,10 @@ fn lacking(span: FrameSpan, frames: &[FrameState]) -> (Vec<u32>, u64) {
 
 /// Files of an output that exist.
 fn output_info(output: &OutputFiles, folder: &ShotFolder) -> OutputInfo {
-    let present = match &output.rest {
-        None => output.present(folder).len(),
+    let present = match output.is_sequence() {
+        true => output.present(folder).len(),
         // A sheet has one file for all of its frames.
-        Some(_) => {
+        false => {
             let is_there = |path: &str| folder.root().join(path).is_file();
             if output.paths().all(is_there) { output.frames.count() as usize } else { 0 }
         }

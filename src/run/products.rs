@@ -28,7 +28,9 @@ pub(crate) fn make_products(
     let products = product::selected(selection, request)?;
     let uses_solids = products.iter().any(|product| product.uses_solids(request.settings));
     // So does the velocity of tracers.
-    let scene = match (request.scene.filter(|scene| uses_solids || has_tracers(scene)), request.input) {
+    let is_of_streams = products.iter().any(|product| product.is_of_streams());
+    let needs_solids = |scene: &&Scene| uses_solids || is_of_streams && has_tracers(scene);
+    let scene = match (request.scene.filter(needs_solids), request.input) {
         (Some(scene), ProductInput::Frames(Source::Cache(folder))) => {
             Some(solids::fill(scene, Some(folder), control.reporter)?)
         }

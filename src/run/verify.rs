@@ -303,8 +303,8 @@ fn made(
         };
         stage.faults.push(Fault { frame, file, state, why });
     };
-    match &output.rest {
-        None => {
+    match output.is_sequence() {
+        true => {
             let present: BTreeSet<u32> = output.present(folder).into_iter().collect();
             for &frame in &present {
                 compare(&mut stage, frame, output.file_name(frame));
@@ -316,7 +316,7 @@ fn made(
             stage.add_missing(missing.map(|&frame| (frame, output.file_name(frame))));
         }
         // A few files have all frames.
-        Some(_) => {
+        false => {
             for file in output.paths() {
                 compare(&mut stage, output.frames.first, file.to_owned());
             }

@@ -233,9 +233,27 @@ fn read_particles(name: &str, bytes: &[u8]) {
     }
 }
 
+/// Meshes and points of this program, from which stages are made.
+fn read_geometry(path: &Path, bytes: &[u8]) {
+    match import::parse_geometry(path, bytes) {
+        Ok(geometry) => {
+            let count = geometry.positions.len();
+            assert!(geometry.normals.is_none_or(|normals| normals.len() == count));
+            assert!(geometry.attributes.iter().all(|channel| channel.data.len() == count));
+            let corners = geometry.triangles.iter().flatten().flatten();
+            assert!(corners.into_iter().all(|&corner| (corner as usize) < count));
+        }
+        Err(why) => _ = why.to_string(),
+    }
+    let _ = import::parse_geometry_header(path, bytes);
+}
+
 /// Meshes of solids and of sheets.
 fn read_mesh(name: &str, bytes: &[u8]) {
     let path = Path::new(name);
+    if name.ends_with(".ply") {
+        read_geometry(path, bytes);
+    }
     match (import::parse_triangles(path, bytes), import::parse_sheet(path, bytes)) {
         (Ok(solid), Ok(sheet)) => {
             let count = solid.positions.len();

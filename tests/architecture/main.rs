@@ -90,7 +90,7 @@ fn a_system_named_elsewhere_is_found() {
     assert_eq!(job("fn f(scene: &Scene) { scene.liquid.is_some() }"), words(&["liquid"]));
     assert_eq!(job("struct SmokeReport; fn sheet_count() {}"), words(&["Smoke", "sheet"]));
     assert_eq!(job("stream.name == \"liquid\" || key == \"smoke.spacing\""), words(&["liquid", "smoke"]));
-    for product in ["SurfaceMesh", "PointCache", "TracerPoints", "VolumeFile", "ColliderMeshes"] {
+    for product in ["SurfaceMesh", "PointCache", "TracerPoints", "VolumeFile", "ColliderMeshes", "UsdStage"] {
         assert_eq!(job(&format!("make({product})")), words(&[product]));
     }
     assert_eq!(job("VolumeGrid::Density"), words(&[]));

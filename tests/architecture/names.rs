@@ -14,7 +14,7 @@ struct Owner {
 }
 
 /// The systems and the products. Surface, volume and points are also words of geometry, so types name those products.
-const OWNERS: [Owner; 11] = [
+const OWNERS: [Owner; 12] = [
     Owner { words: &["liquid"], folders: &["src/sim/liquid/", "src/sim/coupling/"] },
     Owner {
         words: &["smoke", "vorton", "vortons"],
@@ -29,6 +29,7 @@ const OWNERS: [Owner; 11] = [
     Owner { words: &["VolumeFile"], folders: &["src/product/volume/"] },
     Owner { words: &["ColliderMeshes"], folders: &["src/product/colliders/"] },
     Owner { words: &["WhitewaterPoints"], folders: &["src/product/whitewater/"] },
+    Owner { words: &["UsdStage"], folders: &["src/product/usd/"] },
 ];
 
 /// The registries and the composition of systems in presets, records and simulations.

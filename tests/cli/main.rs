@@ -32,6 +32,7 @@ mod surfacing;
 mod tradeoff;
 mod trust;
 mod untrusted;
+mod usd;
 mod volumes;
 mod wedge;
 mod whitewater;

@@ -228,6 +228,19 @@ impl<'a> Ledger<'a> {
         Ok(())
     }
 
+    /// Adds an output of which the files of these frames are there, made by this batch or before.
+    pub(crate) fn add_present(&mut self, output: OutputFiles, frames: &[u32]) {
+        self.written.push((output, frames.to_vec()));
+    }
+
+    /// Adds the figures of an earlier batch of the same product.
+    pub(crate) fn add_figures(&mut self, earlier: &BatchSummary) {
+        self.summary.kept += earlier.kept;
+        self.summary.made += earlier.made;
+        self.summary.bytes += earlier.bytes;
+        self.summary.triangles += earlier.triangles;
+    }
+
     /// Removes outputs of the product's folder from the manifest that this batch does not write.
     pub(crate) fn replace_outputs(&mut self) {
         self.replaces_outputs = true;
