@@ -100,6 +100,7 @@ mod tests {
             VOLUME,
             EXPORT,
             WHITEWATER,
+            USD,
             VERIFY,
             TRADEOFF,
             WEDGE,
