@@ -26,6 +26,12 @@ pub(crate) struct Geometry {
     pub(crate) attributes: Vec<Channel>,
 }
 
+/// The longest header of a file [bytes].
+pub(crate) const MAX_GEOMETRY_HEADER: usize = 1 << 16;
+
+/// The largest number of columns: names of attributes are compared with each other.
+const MAX_COLUMNS: usize = 256;
+
 /// Bytes of a triangle: the number of corners, and their vertices.
 const TRIANGLE_BYTES: usize = 13;
 
@@ -91,9 +97,14 @@ impl Layout {
         let malformed = |place: &str, found: String, expected: &str| {
             Err(ImportError::malformed(path, place.to_owned(), found, expected))
         };
-        let mut reader = Reader::new(bytes);
+        let first = &bytes[..bytes.len().min(MAX_GEOMETRY_HEADER)];
+        let mut reader = Reader::new(first);
         let header = match Parser::<DefaultElement>::new().read_header(&mut reader) {
             Ok(header) => header,
+            Err(error) if bytes.len() > MAX_GEOMETRY_HEADER => {
+                let found = error.to_string().replace('\n', " ");
+                return malformed("header", found, "a PLY header in the first 64 KiB");
+            }
             Err(error) => return malformed("header", error.to_string().replace('\n', " "), "a PLY header"),
         };
         if header.encoding != Encoding::BinaryLittleEndian {
@@ -111,32 +122,39 @@ impl Layout {
             }
         };
         if let Some(face) = face {
-            let is_corners = |kind: &PropertyType| {
-                matches!(kind, PropertyType::List(ScalarType::UChar, ScalarType::UInt | ScalarType::Int))
-            };
+            let is_corners =
+                |kind: &PropertyType| matches!(kind, PropertyType::List(ScalarType::UChar, ScalarType::UInt));
             let lists = face.properties.iter().filter(|(_, property)| is_corners(&property.data_type));
             if face.properties.len() != 1 || lists.count() != 1 {
                 return malformed("element face", "other properties".to_owned(), "the list vertex_indices");
             }
         }
+        if vertex.properties.len() > MAX_COLUMNS {
+            let found = format!("{} properties", vertex.properties.len());
+            return malformed("element vertex", found, "256 at most");
+        }
         let (mut columns, mut stride) = (Vec::new(), 0);
         for (name, property) in &vertex.properties {
-            let PropertyType::Scalar(kind) = &property.data_type else {
-                return malformed("element vertex", format!("the list {name}"), "numbers");
+            let (kind, size) = match &property.data_type {
+                PropertyType::Scalar(kind @ (ScalarType::UInt | ScalarType::Float)) => (kind, 4),
+                PropertyType::Scalar(kind @ ScalarType::Double)
+                    if ["x", "y", "z"].contains(&name.as_str()) =>
+                {
+                    (kind, 8)
+                }
+                other => {
+                    let found = format!("the property {} of type {other:?}", name.escape_debug());
+                    return malformed("element vertex", found, "float or uint; x, y and z also double");
+                }
             };
             columns.push(Column { name: name.clone(), kind: kind.clone(), offset: stride });
-            stride += match kind {
-                ScalarType::Char | ScalarType::UChar => 1,
-                ScalarType::Short | ScalarType::UShort => 2,
-                ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
-                ScalarType::Double => 8,
-            };
+            stride += size;
         }
-        if !(0..columns.len()).any(|place| vector(&columns[place..]).is_some_and(|name| name == "position")) {
+        if !(0..columns.len()).any(|place| matches!(vector(&columns[place..]), Some(Vector::Position))) {
             let found = format!("{} properties", columns.len());
             return malformed("element vertex", found, "x, y and z, one after the other, of one type");
         }
-        let start = bytes.len() - reader.get_ref().len();
+        let start = first.len() - reader.get_ref().len();
         Ok(Self { columns, stride, vertices: vertex.count, faces: face.map(|face| face.count), start })
     }
 
@@ -153,70 +171,72 @@ impl Layout {
     }
 }
 
-/// The name of the vector whose components are the first three columns; `None` if they are none.
-fn vector(columns: &[Column]) -> Option<String> {
+/// What three columns are the components of.
+enum Vector {
+    Position,
+    Normal,
+    /// An attribute of this name.
+    Attribute(String),
+}
+
+/// The vector whose components are the first three columns; `None` if they are none.
+fn vector(columns: &[Column]) -> Option<Vector> {
     let [x, y, z, ..] = columns else { return None };
     let names = [x, y, z].map(|column| column.name.as_str());
     let is_float = matches!(x.kind, ScalarType::Float | ScalarType::Double);
     let is_float = is_float && [y, z].iter().all(|column| column.kind == x.kind);
-    let name = match names {
-        ["x", "y", "z"] => "position",
-        ["nx", "ny", "nz"] => "normal",
-        ["vx", "vy", "vz"] => "velocity",
+    let vector = match names {
+        ["x", "y", "z"] => Vector::Position,
+        ["nx", "ny", "nz"] => Vector::Normal,
+        ["vx", "vy", "vz"] => Vector::Attribute("velocity".to_owned()),
         [x, y, z] => {
             let name = x.strip_suffix("_x")?;
-            (y.strip_suffix("_y") == Some(name) && z.strip_suffix("_z") == Some(name)).then_some(name)?
+            let is_one = y.strip_suffix("_y") == Some(name) && z.strip_suffix("_z") == Some(name);
+            Vector::Attribute(is_one.then_some(name)?.to_owned())
         }
     };
-    is_float.then(|| name.to_owned())
+    is_float.then_some(vector)
 }
 
 impl Geometry {
-    /// Adds the first columns of `rows`: the three of a vector, if it has a name, or one.
-    fn add(&mut self, first: &Column, vector: Option<String>, rows: &[u8], stride: usize) {
+    /// Adds the first columns of `rows`: the three of a vector, or one.
+    fn add(&mut self, first: &Column, vector: Option<Vector>, rows: &[u8], stride: usize) {
         let is_double = first.kind == ScalarType::Double;
         let number = |row: &[u8], offset: usize| match is_double {
             true => f64::from_le_bytes(bytes_at(row, offset)) as f32,
             false => f32::from_le_bytes(bytes_at(row, offset)),
         };
         let rows = rows.chunks_exact(stride);
-        let Some(name) = vector else {
+        let Some(vector) = vector else {
             let data = match first.kind {
                 ScalarType::Float | ScalarType::Double => {
                     ChannelData::F32(rows.map(|row| number(row, first.offset)).collect())
                 }
-                _ => ChannelData::U32(rows.map(|row| integer(row, first)).collect()),
+                _ => ChannelData::U32(
+                    rows.map(|row| u32::from_le_bytes(bytes_at(row, first.offset))).collect(),
+                ),
             };
             self.attributes.push(Channel { name: first.name.clone(), data });
             return;
         };
         let size = if is_double { 8 } else { 4 };
-        let vector = |row: &[u8]| Vec3::from_fn(|axis, _| number(row, first.offset + axis * size));
-        let values: Vec<Vec3> = rows.map(vector).collect();
-        match name.as_str() {
-            "position" => {
+        let value = |row: &[u8]| Vec3::from_fn(|axis, _| number(row, first.offset + axis * size));
+        let values: Vec<Vec3> = rows.map(value).collect();
+        match vector {
+            Vector::Position => {
                 self.is_rounded = is_double;
                 self.positions = values;
             }
-            "normal" => self.normals = Some(values),
-            _ => self.attributes.push(Channel { name, data: ChannelData::Vec3(values) }),
+            Vector::Normal => self.normals = Some(values),
+            Vector::Attribute(name) => {
+                self.attributes.push(Channel { name, data: ChannelData::Vec3(values) });
+            }
         }
     }
 }
 
 fn bytes_at<const N: usize>(row: &[u8], offset: usize) -> [u8; N] {
     std::array::from_fn(|byte| row[offset + byte])
-}
-
-/// An integer; a negative one keeps its bits.
-fn integer(row: &[u8], column: &Column) -> u32 {
-    match column.kind {
-        ScalarType::Char => i32::from(row[column.offset] as i8) as u32,
-        ScalarType::UChar => row[column.offset].into(),
-        ScalarType::Short => i32::from(i16::from_le_bytes(bytes_at(row, column.offset))) as u32,
-        ScalarType::UShort => u16::from_le_bytes(bytes_at(row, column.offset)).into(),
-        _ => u32::from_le_bytes(bytes_at(row, column.offset)),
-    }
 }
 
 /// Reads triangles.
@@ -313,6 +333,38 @@ mod tests {
     }
 
     #[test]
+    fn attributes_named_like_positions_and_normals_stay_attributes() {
+        let mesh = mesh();
+        let places: Vec<Vec3> = mesh.positions.iter().map(|x| 2.0 * x).collect();
+        let channel = |name: &str| Channel { name: name.into(), data: ChannelData::Vec3(places.clone()) };
+        let attributes = vec![channel("position"), channel("normal")];
+        let mesh = Mesh { attributes: attributes.clone(), ..mesh };
+        let read = parse(&written(|path| ply::write(&mesh, path, &[]))).unwrap();
+        assert_eq!((read.positions, read.normals), (mesh.positions, Some(mesh.normals)));
+        assert_eq!(read.attributes, attributes);
+    }
+
+    #[test]
+    fn headers_and_columns_are_bounded() {
+        let bytes = written(|path| ply::write(&mesh(), path, &[]));
+        let at = bytes.windows(14).position(|part| part == b"element vertex").unwrap();
+        let long = [&bytes[..at], &b"comment x\n".repeat(7000), &bytes[at..]].concat();
+        let why = parse(&long).unwrap_err().to_string();
+        assert!(why.contains("in the first 64 KiB"), "{why}");
+        let many = Mesh { attributes: (0..250).map(number).collect(), ..mesh() };
+        let read = parse(&written(|path| ply::write(&many, path, &[]))).unwrap();
+        assert_eq!(read.attributes.len(), 250);
+        let more = Mesh { attributes: (0..251).map(number).collect(), ..mesh() };
+        let why = parse(&written(|path| ply::write(&more, path, &[]))).unwrap_err().to_string();
+        assert!(why.contains("257 properties") && why.contains("256 at most"), "{why}");
+    }
+
+    /// A column of numbers.
+    fn number(place: usize) -> Channel {
+        Channel { name: format!("a{place}"), data: ChannelData::F32(vec![1.0; 3]) }
+    }
+
+    #[test]
     fn other_and_damaged_files_are_refused() {
         let bytes = written(|path| ply::write(&mesh(), path, &[]));
         let text = String::from_utf8_lossy(&bytes).into_owned();
@@ -324,6 +376,9 @@ mod tests {
             ("element face 2", "element face 3"),
             ("float x", "list uchar float x"),
             ("property float y", "property double y"),
+            ("property float odd_x", "property int odd_x"),
+            ("property uint source", "property int source"),
+            ("uchar uint", "uchar int"),
             ("binary_little_endian", "binary_big_endian"),
             ("element face 2", "element edge 2"),
         ] {

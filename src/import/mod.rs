@@ -36,7 +36,7 @@ mod tests;
 pub use error::ImportError;
 pub use expand::expand;
 pub(crate) use expand::folders;
-pub(crate) use geometry::{Geometry, parse_geometry, parse_geometry_header};
+pub(crate) use geometry::{Geometry, MAX_GEOMETRY_HEADER, parse_geometry, parse_geometry_header};
 pub use imported::Imported;
 pub(crate) use pc2::{PointCacheFile, parse_point_cache};
 pub use sequence::Sequence;
