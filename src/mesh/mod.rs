@@ -39,6 +39,7 @@ pub use decimate::{DecimationStats, decimate};
 pub use error::SurfaceError;
 pub(crate) use local_frame::is_far;
 pub use marching_cubes::{ContourStats, MARGIN, marching_cubes};
+pub(crate) use normals::try_unit;
 pub use normals::{normals_from_faces, normals_from_field};
 pub use params::{
     ComponentParams, ContactParams, DecimationParams, DistanceParams, RadiusSource, SmoothingMask,

@@ -144,7 +144,12 @@ pub fn normals_from_faces(mesh: &Mesh) -> Vec<Vec3> {
 
 /// The unit vector of a normal; +Z if it is zero.
 pub(super) fn unit(normal: &Vec3) -> Vec3 {
-    normal.try_normalize(0.0).filter(is_usable).unwrap_or_else(Vec3::z)
+    try_unit(normal).unwrap_or_else(Vec3::z)
+}
+
+/// The unit vector of a normal; `None` if the normal is zero, not finite or too long to be normalized.
+pub(crate) fn try_unit(normal: &Vec3) -> Option<Vec3> {
+    normal.try_normalize(0.0).filter(is_usable)
 }
 
 /// Whether a normal is on the side of a face's normal; false for NaN.

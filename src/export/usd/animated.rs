@@ -37,8 +37,8 @@ pub(crate) struct PointSamples {
     pub(crate) step: f64,
     /// Samples.
     pub(crate) count: usize,
-    /// Whether the surface is smooth: normals are computed for each sample.
-    pub(crate) has_normals: bool,
+    /// Whether the surface is smooth: each sample has a normal for each vertex, and else one for each corner.
+    pub(crate) is_smooth: bool,
 }
 
 /// A mesh of constant topology.
@@ -73,6 +73,7 @@ impl AnimatedMesh<'_> {
         match self.points {
             None => {
                 let points = settings.space.lengths(&self.mesh.positions);
+                expect_finite(&points, || "the mesh".to_owned())?;
                 let (points, around) = (file.vectors(&points), file.vectors(&extent(&points, &[])));
                 attributes.push(attribute("points", "point3f[]", Some(points), None));
                 attributes.push(attribute("extent", "float3[]", Some(around), None));
@@ -96,7 +97,7 @@ impl AnimatedMesh<'_> {
             space: settings.space,
             mesh: self.mesh,
             samples: self.points.map_or(0, |points| points.count),
-            has_normals: self.points.is_some_and(|points| points.has_normals),
+            is_smooth: self.points.is_some_and(|points| points.is_smooth),
             extents: Vec::new(),
             normals: Vec::new(),
         };
@@ -135,26 +136,23 @@ impl AnimatedMesh<'_> {
         let times: Vec<f64> = (0..samples.count).map(|i| samples.first + samples.step * i as f64).collect();
         let times = file.times(&times);
         let vertices = self.mesh.positions.len();
+        let (count, interpolation) = match samples.is_smooth {
+            true => (vertices, Some("vertex")),
+            false => (3 * self.mesh.triangles.len(), Some("faceVarying")),
+        };
         let (mut points, mut normals) = (Vec::new(), Vec::new());
         for _ in 0..samples.count {
             points.push(file.deferred_vectors(vertices));
-            if samples.has_normals {
-                normals.push(file.deferred_vectors(vertices));
-            }
+            normals.push(file.deferred_vectors(count));
         }
         let extents: Vec<Value> = (0..samples.count).map(|_| file.deferred_vectors(2)).collect();
         let (points, extents) = (file.samples(times, &points), file.samples(times, &extents));
-        let mut attributes = vec![
+        let normals = file.samples(times, &normals);
+        vec![
             attribute("points", "point3f[]", None, Some(points)),
             attribute("extent", "float3[]", None, Some(extents)),
-        ];
-        if samples.has_normals {
-            let normals = file.samples(times, &normals);
-            let interpolation = Some("vertex");
-            attributes
-                .push(Attribute { interpolation, ..attribute("normals", "normal3f[]", None, Some(normals)) });
-        }
-        attributes
+            Attribute { interpolation, ..attribute("normals", "normal3f[]", None, Some(normals)) },
+        ]
     }
 }
 
@@ -163,7 +161,7 @@ struct Streamed<'a> {
     space: StageSpace,
     mesh: &'a Mesh,
     samples: usize,
-    has_normals: bool,
+    is_smooth: bool,
     extents: Vec<[[f32; 3]; 2]>,
     /// Normals of the sample that was written last.
     normals: Vec<[f32; 3]>,
@@ -177,14 +175,15 @@ impl Streamed<'_> {
         sample: &mut dyn FnMut(usize) -> io::Result<Vec<Vec3>>,
     ) -> io::Result<()> {
         // Arrays without elements are not written, and so not requested.
-        let per_sample = if self.has_normals { 2 } else { 1 };
+        let has_normals = self.is_smooth || !self.mesh.triangles.is_empty();
+        let per_sample = 1 + usize::from(has_normals);
         let arrays = if self.mesh.positions.is_empty() { 0 } else { self.samples * per_sample };
         if number >= arrays {
             let empty = extent(&[], &[]);
             let around = self.extents.get(number - arrays).unwrap_or(&empty);
             return write_vectors(around, out);
         }
-        if self.has_normals && number % 2 == 1 {
+        if has_normals && number % 2 == 1 {
             return write_vectors(&self.normals, out);
         }
         let positions = sample(number / per_sample)?;
@@ -194,21 +193,29 @@ impl Streamed<'_> {
             return Err(io::Error::new(io::ErrorKind::InvalidData, why));
         }
         let points = self.space.lengths(&positions);
-        if points.iter().flatten().any(|c| !c.is_finite()) {
-            let why = format!(
-                "sample {} has a vertex that is not at a finite place in units of the stage",
-                number / per_sample
-            );
-            return Err(io::Error::new(io::ErrorKind::InvalidData, why));
-        }
+        expect_finite(&points, || format!("sample {}", number / per_sample))?;
         self.extents.push(extent(&points, &[]));
-        if self.has_normals {
-            let triangles = self.mesh.triangles.clone();
-            let normals = normals_from_faces(&Mesh { positions, triangles, ..Mesh::default() });
-            self.normals = self.space.directions(&normals);
-        }
+        let triangles = self.mesh.triangles.clone();
+        let mesh = Mesh { positions, triangles, ..Mesh::default() };
+        let normals = if self.is_smooth { normals_from_faces(&mesh) } else { corner_normals(&mesh) };
+        self.normals = self.space.directions(&normals);
         write_vectors(&points, out)
     }
+}
+
+/// Refuses points of which one is not finite.
+///
+/// # Errors
+/// [`io::ErrorKind::InvalidData`], with the name of the points.
+fn expect_finite(points: &[[f32; 3]], of: impl FnOnce() -> String) -> io::Result<()> {
+    let Some(vertex) = points.iter().position(|point| point.iter().any(|c| !c.is_finite())) else {
+        return Ok(());
+    };
+    let why = format!(
+        "{}: vertex {vertex} is not at a finite place in units of the stage; use a smaller --scale, or make the file again",
+        of()
+    );
+    Err(io::Error::new(io::ErrorKind::InvalidData, why))
 }
 
 fn write_vectors(vectors: &[[f32; 3]], out: &mut dyn Write) -> io::Result<()> {

@@ -1,6 +1,9 @@
 //! Normals of corners, so that programs show edges above 30° sharp and all others smooth.
 
-use crate::{math::Vec3, mesh::Mesh};
+use crate::{
+    math::Vec3,
+    mesh::{Mesh, try_unit},
+};
 
 /// Cosine of the smallest angle between two faces that meet in a sharp edge: 30°, as the Blender extension has it.
 const SHARP_COSINE: f32 = 0.866_025_4;
@@ -15,7 +18,7 @@ const MAX_FACES: usize = 256;
 /// If a triangle names a vertex that does not exist.
 pub(super) fn corner_normals(mesh: &Mesh) -> Vec<Vec3> {
     let areas: Vec<Vec3> = mesh.triangles.iter().map(|triangle| area(mesh, triangle)).collect();
-    let units: Vec<Vec3> = areas.iter().map(|area| area.try_normalize(0.0).unwrap_or_else(Vec3::z)).collect();
+    let units: Vec<Vec3> = areas.iter().map(|area| try_unit(area).unwrap_or_else(Vec3::z)).collect();
     let mut around = vec![Vec::new(); mesh.positions.len()];
     for (face, triangle) in mesh.triangles.iter().enumerate() {
         triangle.iter().for_each(|&vertex| around[vertex as usize].push(face));
@@ -26,7 +29,7 @@ pub(super) fn corner_normals(mesh: &Mesh) -> Vec<Vec3> {
             return units[face];
         }
         let smooth = faces.iter().filter(|&&other| units[face].dot(&units[other]) >= SHARP_COSINE);
-        smooth.map(|&other| areas[other]).sum::<Vec3>().try_normalize(0.0).unwrap_or(units[face])
+        try_unit(&smooth.map(|&other| areas[other]).sum()).unwrap_or(units[face])
     };
     let corners = mesh.triangles.iter().enumerate();
     corners.flat_map(|(face, triangle)| triangle.map(|vertex| corner(face, vertex))).collect()
@@ -70,6 +73,15 @@ mod tests {
             "{smooth:?}"
         );
         assert!((smooth[0] - Vec3::z()).norm() < 1e-6, "away from it");
+    }
+
+    #[test]
+    fn areas_that_overflow_give_unit_normals() {
+        let far = 1e30;
+        let positions = vec![Vec3::zeros(), Vec3::x() * far, Vec3::y() * far, Vec3::z() * far];
+        let triangles = vec![[0, 1, 2], [0, 2, 3], [1, 3, 2]];
+        let normals = corner_normals(&Mesh { positions, triangles, ..Mesh::default() });
+        assert!(normals.iter().all(|normal| (normal.norm() - 1.0).abs() < 1e-6), "{normals:?}");
     }
 
     #[test]

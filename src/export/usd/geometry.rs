@@ -69,6 +69,9 @@ const COLOUR: &str = "primvars:displayColor";
 /// Names of columns that are colours.
 const COLOURS: [&str; 4] = ["color", "colour", "Cd", "displayColor"];
 
+/// Names that programs take for the standard attributes where primvars have them.
+const STANDARD: [&str; 4] = ["points", "normals", "widths", "velocities"];
+
 /// Where the values of an attribute come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Column {
@@ -124,49 +127,46 @@ pub(crate) fn attributes(geometry: &Geometry, scheme: NameScheme) -> Vec<Geometr
     if geometry.normals.is_some() {
         found.push(("normals".into(), "normal3f[]", Column::Normals));
     }
-    let mut others = Vec::new();
+    let mut others: Vec<(String, &'static str, Column)> = Vec::new();
     for (place, Channel { name, data }) in geometry.attributes.iter().enumerate() {
+        let is_new = |name: &str| found.iter().chain(&others).all(|(known, ..)| known != name);
+        let own = format!("primvars:{}", identifier(name));
+        // The second column of a standard attribute is a primvar.
         match (name.as_str(), data) {
-            ("velocity", ChannelData::Vec3(_)) => {
+            ("velocity", ChannelData::Vec3(_)) if is_new("velocities") => {
                 found.push(("velocities".into(), "vector3f[]", Column::Lengths(place)));
             }
+            ("velocity", ChannelData::Vec3(_)) => others.push((own, "vector3f[]", Column::Lengths(place))),
             ("radius", ChannelData::F32(_)) => {
-                if !is_mesh {
+                if !is_mesh && is_new("widths") {
                     found.push(("widths".into(), "float[]", Column::Widths(place)));
                 }
                 others.push((RADIUS.to_owned(), "float[]", Column::Lengths(place)));
             }
-            ("id", ChannelData::U32(_)) if !is_mesh => {
+            ("id", ChannelData::U32(_)) if !is_mesh && is_new("ids") => {
                 found.push(("ids".into(), "int64[]", Column::Long(place)));
             }
             (name, ChannelData::Vec3(_)) if COLOURS.contains(&name) => {
-                others.push((COLOUR.to_owned(), "color3f[]", Column::Plain(place)));
+                let name = if is_new(COLOUR) { COLOUR.to_owned() } else { own };
+                others.push((name, "color3f[]", Column::Plain(place)));
             }
-            (name, ChannelData::Vec3(_)) => {
-                others.push((
-                    format!("primvars:{}", identifier(name)),
-                    "vector3f[]",
-                    Column::Directions(place),
-                ));
-            }
-            (name, ChannelData::F32(_)) => {
-                others.push((format!("primvars:{}", identifier(name)), "float[]", Column::Plain(place)));
-            }
-            (name, ChannelData::U32(_)) => {
-                others.push((format!("primvars:{}", identifier(name)), "int[]", Column::Plain(place)));
-            }
+            (_, ChannelData::Vec3(_)) => others.push((own, "vector3f[]", Column::Directions(place))),
+            (_, ChannelData::F32(_)) => others.push((own, "float[]", Column::Plain(place))),
+            (_, ChannelData::U32(_)) => others.push((own, "int[]", Column::Plain(place))),
         }
     }
     found.extend(others);
-    let aliases: Vec<_> = found
-        .iter()
-        .filter_map(|(name, _, column)| {
-            let (alias, type_name) = scheme.alias(name)?;
-            Some((format!("primvars:{alias}"), type_name, *column))
-        })
-        .collect();
+    let mut aliases: Vec<(String, &'static str, Column)> = Vec::new();
+    for (name, _, column) in &found {
+        let Some((alias, type_name)) = scheme.alias(name) else { continue };
+        let alias = format!("primvars:{alias}");
+        if aliases.iter().all(|(known, ..)| *known != alias) {
+            aliases.push((alias, type_name, *column));
+        }
+    }
     // A column that has such a name by itself gets a number.
     let mut names = Identifiers::default();
+    STANDARD.iter().for_each(|name| names.reserve(name));
     for (alias, ..) in &aliases {
         names.reserve(alias.trim_start_matches("primvars:"));
     }
@@ -198,6 +198,12 @@ pub(crate) enum GeometryFault {
     TooLarge {
         /// Triangles.
         triangles: usize,
+    },
+    /// There are too many vertices.
+    #[error("{vertices} vertices with integers, expected at most 497 million; use fewer points")]
+    TooManyVertices {
+        /// Vertices.
+        vertices: usize,
     },
 }
 
@@ -332,15 +338,15 @@ impl Values<'_> {
             Column::Lengths(place)
             | Column::Directions(place)
             | Column::Plain(place)
-            | Column::Long(place) => self.channel(column, place),
+            | Column::Long(place) => self.channel(column, place)?,
         };
         self.made.push((column, value));
         Ok(value)
     }
 
-    fn channel(&mut self, column: Column, place: usize) -> Value {
+    fn channel(&mut self, column: Column, place: usize) -> Result<Value, GeometryFault> {
         let space = self.settings.space;
-        match (&self.geometry.attributes[place].data, column) {
+        Ok(match (&self.geometry.attributes[place].data, column) {
             (ChannelData::Vec3(vectors), Column::Lengths(_)) => self.vectors(&space.lengths(vectors)),
             (ChannelData::Vec3(vectors), Column::Directions(_)) => self.vectors(&space.directions(vectors)),
             (ChannelData::Vec3(vectors), _) => {
@@ -357,21 +363,22 @@ impl Values<'_> {
             }
             (ChannelData::U32(integers), _) => {
                 self.remarks.wrapped += integers.iter().filter(|&&integer| integer > i32::MAX as u32).count();
-                let bytes = self.file.integers(integers.iter().map(|&integer| integer as i32));
-                bytes.expect("a mesh has fewer vertices than corners, which were encoded before")
+                let value = self.file.integers(integers.iter().map(|&integer| integer as i32));
+                value.ok_or(GeometryFault::TooManyVertices { vertices: integers.len() })?
             }
-        }
+        })
     }
 
     /// The radii of points in units of the stage; none without such a channel.
     fn radii(&self) -> Vec<f32> {
-        let channel = self.geometry.attributes.iter().find(|channel| channel.name == "radius");
-        match channel.map(|channel| &channel.data) {
-            Some(ChannelData::F32(radii)) => {
-                radii.iter().map(|&radius| self.settings.space.length(radius)).collect()
-            }
-            _ => Vec::new(),
-        }
+        // A vector may have the same name.
+        let radii = self.geometry.attributes.iter().find_map(|channel| match &channel.data {
+            ChannelData::F32(radii) if channel.name == "radius" => Some(radii),
+            _ => None,
+        });
+        radii.map_or_else(Vec::new, |radii| {
+            radii.iter().map(|&radius| self.settings.space.length(radius)).collect()
+        })
     }
 
     fn numbers(&mut self, numbers: &[f32]) -> Value {

@@ -299,7 +299,8 @@ fn places_that_are_not_finite_are_refused_and_values_are_counted() {
 #[test]
 fn attributes_of_any_name_are_identifiers_and_unique() {
     let mut geometry = strip(3);
-    let odd = ["v", "a b", "a-b", "\"]\n", "velocityPV", "points", "2nd", "colour"];
+    let odd =
+        ["v", "a b", "a-b", "\"]\n", "velocityPV", "points", "2nd", "colour", "Cd", "velocity", "normals"];
     geometry.attributes.extend(odd.map(|name| channel(name, vec![Vec3::zeros(); 3])));
     for scheme in NameScheme::ALL {
         let names: Vec<String> =
@@ -313,6 +314,19 @@ fn attributes_of_any_name_are_identifiers_and_unique() {
     let names: Vec<String> =
         attributes(&geometry, NameScheme::Houdini).into_iter().map(|attribute| attribute.name).collect();
     assert!(names.contains(&"primvars:v".into()) && names.contains(&"primvars:v_2".into()), "{names:?}");
+    for name in ["velocities", "primvars:velocity", "primvars:Cd", "primvars:Cd_2", "primvars:normals_2"] {
+        assert_eq!(names.iter().filter(|known| *known == name).count(), 1, "{name}: {names:?}");
+    }
+    // Values of the second columns are their own.
+    let mut points = Geometry { positions: vec![Vec3::zeros()], ..Geometry::default() };
+    points.attributes = vec![
+        channel("radius", vec![Vec3::x()]),
+        channel("radius", vec![0.5_f32]),
+        channel("id", vec![7_u32]),
+    ];
+    let read = read_layer(&points, &settings(UpAxis::Z, 1.0), NameScheme::Usd);
+    let (_, extent) = read.samples("/mesh/liquid.extent");
+    assert_eq!(read.vectors(extent[0]), [[-0.5; 3], [0.5; 3]], "a vector of the same name");
     read_layer(&geometry, &settings(UpAxis::Z, 1.0), NameScheme::Houdini);
 }
 
@@ -321,7 +335,7 @@ fn animated(mesh: &Mesh, samples: usize, fails: bool) -> io::Result<Vec<u8>> {
     let turn = 0.5_f32.sqrt();
     let pose = |x: f32| [x, 2.0, 3.0, turn, 0.0, 0.0, turn];
     let poses = Poses { first: 5, poses: vec![pose(0.0), pose(1.0)], scales: Some(vec![1.0, 2.0]) };
-    let points = Some(PointSamples { first: 4.0, step: 1.0, count: samples, has_normals: true });
+    let points = Some(PointSamples { first: 4.0, step: 1.0, count: samples, is_smooth: true });
     let animated = AnimatedMesh { path: ("collider", "box"), mesh, points, poses: Some(&poses) };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.usdc");
@@ -357,6 +371,53 @@ fn a_mesh_that_moves_has_samples_of_points_and_of_transforms() {
     // Imaginary parts first: a turn about Z is one about Y.
     assert_eq!(turn.map(|c| c + 0.0), [0.0, 0.5_f32.sqrt(), 0.0, 0.5_f32.sqrt()]);
     assert_eq!(read.token("/", "upAxis"), "Y");
+}
+
+#[test]
+fn a_solid_that_deforms_has_normals_of_corners_in_each_sample() {
+    let positions = vec![Vec3::zeros(), Vec3::x(), Vec3::y()];
+    let deforming = |triangles: Vec<[u32; 3]>| {
+        let mesh = Mesh { positions: positions.clone(), triangles, ..Mesh::default() };
+        let points = Some(PointSamples { first: 1.0, step: 1.0, count: 2, is_smooth: false });
+        let animated = AnimatedMesh { path: ("collider", "fish"), mesh: &mesh, points, poses: None };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.usdc");
+        let turned = |number: usize| if number == 0 { positions.clone() } else { turn(&positions) };
+        animated.write(&settings(UpAxis::Z, 1.0), &path, |number| Ok(turned(number))).unwrap();
+        Read::new(std::fs::read(&path).unwrap())
+    };
+    let read = deforming(vec![[0, 1, 2], [2, 1, 0]]);
+    assert_eq!(read.token("/collider/fish.normals", "interpolation"), "faceVarying");
+    let (_, normals) = read.samples("/collider/fish.normals");
+    assert_eq!(
+        read.vectors(normals[0]),
+        [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]].map(|normal| [normal; 3]).concat()
+    );
+    assert_eq!(read.vectors(normals[1])[..3], [[1.0, 0.0, 0.0]; 3]);
+    let (_, extents) = read.samples("/collider/fish.extent");
+    assert_eq!(read.vectors(extents[1]), [[0.0; 3], [0.0, 1.0, 1.0]]);
+    // Without faces there are no normals, and the arrays after them are where they should be.
+    let (read, second) = (deforming(Vec::new()), turn(&positions));
+    let (_, points) = read.samples("/collider/fish.points");
+    assert_eq!(read.vectors(points[1]), second.iter().map(|&x| x.into()).collect::<Vec<[f32; 3]>>());
+}
+
+/// Positions with x as y, y as z and z as x.
+fn turn(positions: &[Vec3]) -> Vec<Vec3> {
+    positions.iter().map(|x| Vec3::new(x.z, x.x, x.y)).collect()
+}
+
+#[test]
+fn a_mesh_at_rest_that_is_too_far_in_units_of_the_stage_is_refused() {
+    let positions = vec![Vec3::zeros(), Vec3::x() * 1e36, Vec3::y()];
+    let mesh = Mesh { positions, triangles: vec![[0, 1, 2]], ..Mesh::default() };
+    let animated = AnimatedMesh { path: ("collider", "box"), mesh: &mesh, points: None, poses: None };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.usdc");
+    let write = |scale| animated.write(&settings(UpAxis::Y, scale), &path, |_| unreachable!("at rest"));
+    let error = write(1e4).unwrap_err();
+    assert!(error.kind() == io::ErrorKind::InvalidData && error.to_string().contains("vertex 1"), "{error}");
+    assert!(!path.exists() && write(1.0).is_ok());
 }
 
 #[test]
