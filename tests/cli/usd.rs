@@ -1,6 +1,7 @@
 //! USD stages of a shot: which layers are written, kept and refused. `tools/python/test_usd.py` reads them with OpenUSD.
 
 use super::*;
+use serde_json::{Value, json};
 
 /// The small shot with a box that moves and one that is hidden.
 fn desk() -> Desk {
@@ -12,6 +13,31 @@ fn desk() -> Desk {
     desk.write("small.toml", SMALL.replacen("[liquid]", colliders, 1));
     desk.run("shot small.toml", 0);
     desk
+}
+
+fn manifest(desk: &Desk) -> Value {
+    serde_json::from_slice(&fs::read(desk.path("small/shot.json")).unwrap()).unwrap()
+}
+
+/// Adds an output to the manifest that is like the one with this pattern, apart from some fields.
+fn add_output(desk: &Desk, pattern: &str, fields: Value) {
+    let mut shot = manifest(desk);
+    let outputs = shot["outputs"].as_array_mut().unwrap();
+    let mut output = outputs.iter().find(|output| output["pattern"] == pattern).unwrap().clone();
+    output.as_object_mut().unwrap().extend(fields.as_object().unwrap().clone());
+    outputs.push(output);
+    desk.write("small/shot.json", shot.to_string());
+}
+
+/// Writes a file of a product with a record, as the product does.
+fn write_recorded(desk: &Desk, file: &str, bytes: &[u8]) {
+    desk.write(&format!("small/{file}"), bytes);
+    let log = format!("small/{}.jsonl", file.split('/').next().unwrap());
+    let sum = format!("{:016x}", xxhash_rust::xxh3::xxh3_64(bytes));
+    let files = json!([{ "file": file, "bytes": bytes.len(), "xxh3": sum }]);
+    let line = json!({ "frame": 1, "name": file, "key": "0123456789abcdef", "files": files });
+    let text = fs::read_to_string(desk.path(&log)).unwrap();
+    desk.write(&log, format!("{text}{line}\n"));
 }
 
 fn root(desk: &Desk) -> String {
@@ -41,6 +67,9 @@ fn a_stage_has_a_layer_for_each_frame_and_is_kept() {
         assert!(text.contains(part), "{part}\n{text}");
     }
     assert_eq!(text.matches("invisible").count(), 1, "the hidden collider");
+    let shot = manifest(&desk);
+    let root = shot["outputs"].as_array().unwrap().iter().find(|output| output["pattern"] == "usd/shot.usda");
+    assert_eq!(root.unwrap()["frames"]["step"], 1, "the frames of all that it shows");
     let whole = desk.bytes("small/usd");
     let (out, _) = desk.run("usd small", 0);
     assert!(out.contains("0 layers written") && out.contains("8 up to date"), "{out}");
@@ -100,11 +129,98 @@ fn meshes_that_are_not_as_they_were_written_are_left_out() {
 }
 
 #[test]
+fn a_broken_file_does_not_take_others_of_its_frame_with_it() {
+    let desk = desk();
+    for frame in 1..=5 {
+        let bytes = fs::read(desk.path(&format!("small/mesh/liquid_{frame:04}.ply"))).unwrap();
+        write_recorded(&desk, &format!("mesh/twin_{frame:04}.ply"), &bytes);
+    }
+    let fields = json!({ "name": "twin", "pattern": "mesh/twin_{:04}.ply" });
+    add_output(&desk, "mesh/liquid_{:04}.ply", fields);
+    write_recorded(&desk, "mesh/liquid_0003.ply", b"ply\nno such header\n");
+    let (_, talk) = desk.run("usd small", 12);
+    assert!(talk.contains("mesh/liquid_0003.ply"), "{talk}");
+    let text = root(&desk);
+    assert!(text.contains("mesh-twin_0003.usdc@") && !text.contains("mesh-liquid_0003.usdc@"), "{text}");
+    assert!(text.contains("mesh-liquid_0004.usdc@"), "{text}");
+}
+
+#[test]
+fn files_that_are_gone_or_not_shown_are_reported() {
+    let desk = desk();
+    desk.run("usd small", 0);
+    // Its layer is up to date, and its columns are not known any more.
+    desk.write("small/mesh/liquid_0002.ply", "ply");
+    let (_, talk) = desk.run("usd small", 0);
+    assert!(talk.contains("1 frames of other files or settings are not in the stage"), "{talk}");
+    fs::remove_file(desk.path("small/mesh/liquid_0003.ply")).unwrap();
+    let (_, talk) = desk.run("usd small", 0);
+    assert!(talk.contains("mesh liquid: 1 of 5 frames have no file mesh/liquid_{:04}.ply"), "{talk}");
+    (1..=5).filter(|&frame| frame != 3).for_each(|frame| {
+        fs::remove_file(desk.path(&format!("small/mesh/liquid_{frame:04}.ply"))).unwrap();
+    });
+    let (_, talk) = desk.run("usd small", 0);
+    assert!(talk.contains("mesh liquid: 5 of 5 frames have no file"), "{talk}");
+    // Meshes of what has a motion already, and a mesh of all frames.
+    let fields = json!({ "format": "ply", "pattern": "collider/box_{:04}.ply", "rest": null });
+    add_output(&desk, "collider/box.json", fields);
+    add_output(
+        &desk,
+        "collider/box.json",
+        json!({ "name": "rock", "format": "ply", "pattern": "collider/rock.ply", "rest": null }),
+    );
+    let (_, talk) = desk.run("usd small", 0);
+    assert!(talk.contains("collider box: its PLY files are not in the stage"), "{talk}");
+    assert!(
+        talk.contains("collider rock: not in the stage") && talk.contains("a file for each frame"),
+        "{talk}"
+    );
+}
+
+#[test]
+fn layers_of_points_or_of_long_caches_are_refused() {
+    let desk = desk();
+    let header = |columns: &str, faces: &str| {
+        let position = "property float x\nproperty float y\nproperty float z\n";
+        format!(
+            "ply\nformat binary_little_endian 1.0\nelement vertex 1\n{position}{columns}{faces}end_header\n"
+        )
+    };
+    let faces = "element face 0\nproperty list uchar uint vertex_indices\n";
+    let file = |columns: &str, faces: &str, numbers: usize| {
+        [header(columns, faces).as_bytes(), &vec![0; 4 * numbers]].concat()
+    };
+    write_recorded(&desk, "collider/box.ply", &file("", "", 3));
+    let (_, talk) = desk.run("usd small", 12);
+    assert!(talk.contains("collider/box.ply: found points, expected a mesh"), "{talk}");
+    write_recorded(&desk, "collider/box.ply", &file("property float wear\n", faces, 4));
+    let (_, talk) = desk.run("usd small", 0);
+    assert!(talk.contains("collider/box.ply: not in the stage: the attributes wear"), "{talk}");
+    // A point cache whose samples cost more than their bytes.
+    let cache = |samples: i32| {
+        let head = [1_i32, 1].map(i32::to_le_bytes).concat();
+        let times = [1.0_f32, 1.0].map(f32::to_le_bytes).concat();
+        let points = vec![0; 12 * samples as usize];
+        [b"POINTCACHE2\0", &head[..], &times, &samples.to_le_bytes(), &points].concat()
+    };
+    write_recorded(&desk, "collider/flag.ply", &file("", faces, 3));
+    let fields = json!({ "kind": "sheet", "name": "flag", "format": "pc2", "pattern": "collider/flag.pc2",
+        "rest": "collider/flag.ply" });
+    add_output(&desk, "collider/box.json", fields);
+    write_recorded(&desk, "collider/flag.pc2", &cache(5));
+    desk.run("usd small", 0);
+    write_recorded(&desk, "collider/flag.pc2", &cache(250_001));
+    let (_, talk) = desk.run("usd small", 12);
+    assert!(talk.contains("collider/flag.pc2: found 250001 samples, expected at most 250000"), "{talk}");
+}
+
+#[test]
 fn frames_of_other_settings_are_not_mixed() {
     let desk = desk();
     desk.run("usd small", 0);
     let (out, talk) = desk.run("usd small --up y --scale 100 --names maya --frames 2-3", 0);
     assert!(talk.contains("3 frames of other files or settings are not in the stage"), "{out}\n{talk}");
+    assert!(talk.contains("2 sheets and colliders are made with all their frames"), "{talk}");
     let text = root(&desk);
     assert!(text.contains("upAxis = \"Y\"") && text.contains("metersPerUnit = 0.01\n"), "{text}");
     assert!(
@@ -154,4 +270,7 @@ fn what_cannot_be_a_stage_is_refused_with_the_next_step() {
     let (_, talk) = desk.run("usd small", 0);
     assert!(talk.contains("mesh liquid: not in the stage, since its files are obj"), "{talk}");
     assert!(!root(&desk).contains("mesh-liquid"));
+    // Of colliders alone.
+    let (_, talk) = desk.run("usd small --force --max-memory 1MiB", 33);
+    assert!(talk.contains("--max-memory"), "{talk}");
 }

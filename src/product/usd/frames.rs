@@ -9,14 +9,14 @@ use crate::{
     control::printable_path,
     export::usd::GeometryLayer,
     frame::FrameIndex,
-    import::parse_geometry,
+    import::{Geometry, parse_geometry},
     job::{
         Control, Failure, OutputFiles, RunError,
         batch::{
             BatchSummary, FileTarget, FrameBatch, FrameFiles, FrameOutcome, MemoryCheck, ProductFolder,
             Written, choose, file_size, process_frames,
         },
-        file_records::{FileRecords, hex},
+        file_records::{FileRecords, RecordedFile, hex},
     },
 };
 use std::{
@@ -122,26 +122,13 @@ fn write_frame(
         return Ok(());
     }
     let place = job.shot.root().join(&file);
-    if cache::leads_out(job.shot.root(), &place) {
-        let why = "a symbolic link leads out of the shot's folder; replace it by a copy";
-        outcome.fail(format!("{file}: {why}"), Failure::Foreign);
-        return Ok(());
-    }
-    // Read once, so that what is parsed is what was compared.
-    let bytes = match cache::read_regular(&place) {
-        Ok(bytes) => bytes,
-        Err(error) => {
-            outcome.fail(format!("{file}: {error}; make it again"), Failure::Corrupt);
+    let geometry = match read(job, &place, about) {
+        Ok(geometry) => geometry,
+        Err((why, kind)) => {
+            outcome.fail(format!("{file}: {why}"), kind);
             return Ok(());
         }
     };
-    if bytes.len() as u64 != about.bytes || hex(xxh3_64(&bytes)) != about.xxh3 {
-        let why = "found other bytes than were written; make it again";
-        outcome.fail(format!("{file}: {why}"), Failure::Corrupt);
-        return Ok(());
-    }
-    let geometry = parse_geometry(&place, &bytes)?;
-    drop(bytes);
     let layer = match GeometryLayer::new(&geometry, &job.settings, job.params.names, index.0, path) {
         Ok(layer) => layer,
         Err(why) => {
@@ -169,4 +156,22 @@ fn write_frame(
     written.figures = format!("frame {index}  {}  {count} points  {mib:.2} MiB  {seconds:.2} s", source.stem);
     outcome.files.push(FrameFiles { outputs: vec![output], written: Some(written), stale: Vec::new() });
     Ok(())
+}
+
+/// Reads a file that is as it was written.
+///
+/// # Errors
+/// Why it is not, and how exit codes distinguish it.
+fn read(job: StageJob, place: &Path, about: &RecordedFile) -> Result<Geometry, (String, Failure)> {
+    if cache::leads_out(job.shot.root(), place) {
+        let why = "a symbolic link leads out of the shot's folder; replace it by a copy";
+        return Err((why.to_owned(), Failure::Foreign));
+    }
+    // Read once, so that what is parsed is what was compared.
+    let bytes =
+        cache::read_regular(place).map_err(|error| (format!("{error}; make it again"), Failure::Corrupt))?;
+    if bytes.len() as u64 != about.bytes || hex(xxh3_64(&bytes)) != about.xxh3 {
+        return Err(("found other bytes than were written; make it again".to_owned(), Failure::Corrupt));
+    }
+    parse_geometry(place, &bytes).map_err(|error| (error.to_string(), Failure::Corrupt))
 }

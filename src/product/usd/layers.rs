@@ -7,6 +7,7 @@ use super::{
 };
 use crate::{
     cache,
+    control::printable,
     export::{
         ExportError,
         usd::{AnimatedMesh, PointSamples, Poses},
@@ -15,7 +16,7 @@ use crate::{
     import::{PointCacheFile, parse_geometry},
     job::{
         Control, FailedFrame, Failure, OutputFiles, RunError,
-        batch::{Ledger, ProductFolder},
+        batch::{Ledger, ProductFolder, file_size},
         file_records::{FileRecord, FileRecords, FileState},
     },
     mesh::Mesh,
@@ -29,6 +30,13 @@ const MAX_MOTION: u64 = 32 << 20;
 
 /// The largest number of poses in a file.
 const MAX_POSES: usize = 250_000;
+
+/// Memory of making a layer over the size of the PLY file of its mesh: the file, its arrays, the faces around each vertex, and the
+/// normals of corners. It is counted, not measured: 440 bytes a vertex with two triangles, of which the smallest file has 38.
+const MEMORY_PER_BYTE: u64 = 12;
+
+/// Memory of a layer that does not depend on the size of its mesh [bytes].
+const LAYER_MEMORY: u64 = 8 << 20;
 
 /// The largest coordinate of a pose [m].
 const MAX_PLACE: f32 = 1e9;
@@ -112,36 +120,31 @@ fn layer(
         ..OutputFiles::of(KIND, UsdStage.name(), &source.stem, "usdc", FrameIndex(source.output.frames.first))
     };
     let is_hidden = motion.as_ref().is_some_and(|motion| motion.look == Look::Hidden);
-    let frames: Vec<u32> = output.frames.numbers().take(MAX_POSES).collect();
-    if frames.is_empty() {
-        return Err(fault(
-            main,
-            "found no frame of it in the manifest, expected one at least; make it again".into(),
-        ));
+    let count = output.frames.count();
+    if !(1..=MAX_POSES as u64).contains(&count) {
+        let why =
+            format!("found {count} frames of it in the manifest, expected 1 to {MAX_POSES}; make it again");
+        return Err(fault(main, why));
     }
+    let frames: Vec<u32> = output.frames.numbers().collect();
     if !job.request.force && records.confirm(job.out, std::slice::from_ref(&output.pattern), key) {
         ledger.add_sequence(output.clone(), &frames, None, control)?;
         return Ok(MadeLayer { output, is_hidden });
     }
-    let mesh_path = job.shot.root().join(rest);
-    let bytes = cache::read_regular(&mesh_path).map_err(|error| fault(rest, error.to_string()))?;
-    let geometry = parse_geometry(&mesh_path, &bytes).map_err(|error| fault(rest, error.to_string()))?;
-    let triangles = geometry.triangles.unwrap_or_default();
-    let mesh = Mesh { positions: geometry.positions, triangles, ..Mesh::default() };
-    if mesh.positions.iter().flatten().any(|c| !c.is_finite()) {
-        return Err(fault(rest, "found a vertex that is not at a finite place".into()));
-    }
+    let mesh = mesh(job, rest, control)?;
     let is_smooth = motion.is_none();
     let samples = if is_smooth { Some(*main) } else { point_cache.first().copied() };
     let open = |file: &str| PointCacheFile::open(&job.shot.root().join(file), mesh.positions.len());
     let opened =
         samples.map(|file| open(file).map_err(|error| fault(file, error.to_string()))).transpose()?;
-    let points = opened.as_ref().map(|file| PointSamples {
-        first: file.start,
-        step: file.step,
-        count: file.samples,
-        has_normals: is_smooth,
-    });
+    let count = opened.as_ref().map_or(0, |file| file.samples);
+    if count > MAX_POSES {
+        let why =
+            format!("found {count} samples, expected at most {MAX_POSES}; make it again with fewer frames");
+        return Err(fault(samples.unwrap_or_default(), why));
+    }
+    let points =
+        opened.as_ref().map(|file| PointSamples { first: file.start, step: file.step, count, is_smooth });
     let poses =
         motion.map(|motion| Poses { first: motion.first, poses: motion.poses, scales: motion.scales });
     let animated = AnimatedMesh { path, mesh: &mesh, points, poses: poses.as_ref() };
@@ -170,6 +173,33 @@ fn layer(
     record.add(output.pattern.clone(), written);
     ledger.add_sequence(output.clone(), &frames, Some(&record), control)?;
     Ok(MadeLayer { output, is_hidden })
+}
+
+/// Reads the mesh of a sheet or collider, of which a stage has positions and triangles.
+fn mesh(job: StageJob, file: &str, control: Control) -> Result<Mesh, LayerError> {
+    let fault = |why: String| LayerError::Source(file.to_owned(), why, Failure::Corrupt);
+    let path = job.shot.root().join(file);
+    let size = file_size(&path);
+    let needed = size.saturating_mul(MEMORY_PER_BYTE).saturating_add(LAYER_MEMORY);
+    job.request.check_memory(None, |_| needed)?;
+    let bytes = cache::read_regular(&path).map_err(|error| fault(error.to_string()))?;
+    let geometry = parse_geometry(&path, &bytes).map_err(|error| fault(error.to_string()))?;
+    let Some(triangles) = geometry.triangles else {
+        return Err(fault("found points, expected a mesh; make it again".into()));
+    };
+    if geometry.positions.iter().flatten().any(|c| !c.is_finite()) {
+        return Err(fault("found a vertex that is not at a finite place".into()));
+    }
+    if geometry.is_rounded {
+        let count = geometry.positions.len();
+        control.reporter.note(&format!("{file}: {count} vertices were rounded to single precision"));
+    }
+    if !geometry.attributes.is_empty() {
+        let names: Vec<String> =
+            geometry.attributes.iter().map(|channel| printable(&channel.name).into_owned()).collect();
+        control.reporter.note(&format!("{file}: not in the stage: the attributes {}", names.join(", ")));
+    }
+    Ok(Mesh { positions: geometry.positions, triangles, ..Mesh::default() })
 }
 
 /// Refuses a file that is not as it was written.

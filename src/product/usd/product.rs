@@ -99,6 +99,11 @@ fn stage(
             crate::control::printable_path(shot.root())
         )));
     }
+    if request.selection.is_some() && !sources.layers.is_empty() {
+        let count = sources.layers.len();
+        let why = "are made with all their frames, whatever --frames selects of meshes and points";
+        control.reporter.note(&format!("{count} sheets and colliders {why}"));
+    }
     let fps = manifest.fps;
     if !(0.01..=10_000.0).contains(&fps) {
         return Err(RunError::Request(format!(

@@ -13,21 +13,18 @@ use crate::{
         Content, GeometryAttribute, MANIFEST, Member, Stage, StageCamera, attributes, group_members, schema,
     },
     frame::FrameIndex,
-    import::{Geometry, parse_geometry_header},
+    import::{Geometry, MAX_GEOMETRY_HEADER, parse_geometry_header},
     job::{
         Control, FrameSpan, Manifest, OutputFiles, RunError,
         batch::{Ledger, ProductFolder},
         file_records::{FileRecord, FileRecords, hex},
     },
 };
-use std::{io::Read, path::Path};
+use std::{collections::BTreeSet, io::Read, path::Path};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// The root layer's file name, without its extension.
 const STEM: &str = "shot";
-
-/// The longest header of a PLY file [bytes].
-const MAX_HEADER: u64 = 1 << 16;
 
 /// A sequence as it is in a stage.
 struct Clips {
@@ -51,20 +48,21 @@ pub(super) fn write_root(
 ) -> Result<(), RunError> {
     let records = FileRecords::read(job.out, UsdStage.name())?;
     let mut members = Vec::new();
-    let mut spans: Vec<FrameSpan> = Vec::new();
+    let mut numbers: BTreeSet<u32> = BTreeSet::new();
     for source in sequences {
         let Some(Clips { member, output, frames }) = clips(job, source, &records, control) else { continue };
-        spans.extend(FrameSpan::of(&frames));
+        numbers.extend(&frames);
         members.push(member);
         ledger.add_present(output, &frames);
     }
     for (source, MadeLayer { output, is_hidden }) in layers {
-        spans.push(output.frames);
+        numbers.extend(output.frames.numbers());
         let file = file_name(&output.pattern);
         let content = Content::Layer { file, is_hidden };
         members.push(Member { group: source.group.clone(), name: source.name.clone(), content });
     }
-    let Some(span) = spans.into_iter().reduce(FrameSpan::union) else {
+    let frames: Vec<u32> = numbers.into_iter().collect();
+    let Some(span) = FrameSpan::of(&frames) else {
         return Err(RunError::Request(
             "found no layer for the stage, expected one at least; the messages above have the reasons".into(),
         ));
@@ -87,7 +85,6 @@ pub(super) fn write_root(
         ..OutputFiles::of(KIND, folder, STEM, "usda", FrameIndex(span.first))
     };
     let files: Vec<String> = output.paths().map(str::to_owned).collect();
-    let frames = [span.first, span.last];
     if !job.request.force && records.confirm(job.out, &files, key) {
         return ledger.add_sequence(output, &frames, None, control);
     }
@@ -116,7 +113,10 @@ fn clips(job: StageJob, source: &Source, records: &FileRecords, control: Control
             other += usize::from(made.file(job.out, frame).exists());
             continue;
         }
-        let Some(header) = header(&source.output.file(job.shot, frame)) else { continue };
+        let Some(header) = header(job, &source.output.file(job.shot, frame)) else {
+            other += 1;
+            continue;
+        };
         let schema = *kind.get_or_insert(schema(&header));
         if schema != self::schema(&header) {
             other += 1;
@@ -142,10 +142,14 @@ fn clips(job: StageJob, source: &Source, records: &FileRecords, control: Control
     Some(Clips { member, output: output(source, FrameIndex(first)), frames })
 }
 
-/// The columns of a PLY file.
-fn header(path: &Path) -> Option<Geometry> {
+/// The columns of a PLY file; `None` if it is elsewhere or no such file.
+fn header(job: StageJob, path: &Path) -> Option<Geometry> {
+    if cache::leads_out(job.shot.root(), path) {
+        return None;
+    }
     let mut bytes = Vec::new();
-    cache::open_regular(path).ok()?.0.take(MAX_HEADER).read_to_end(&mut bytes).ok()?;
+    let file = cache::open_regular(path).ok()?.0;
+    file.take(MAX_GEOMETRY_HEADER as u64).read_to_end(&mut bytes).ok()?;
     parse_geometry_header(path, &bytes).ok()
 }
 

@@ -64,6 +64,9 @@ impl Sources {
                 continue;
             };
             if form_of(output, &outputs).is_none() {
+                let [kind, name] = [&output.kind, &output.name].map(|text| printable(text));
+                let why = "its PLY files are not in the stage, since its point cache is; velocities are in the PLY files alone";
+                sources.left_out.push(format!("{kind} {name}: {why}"));
                 continue;
             }
             let group = match short(&identifier(&output.kind), MAX_STEM / 4) {
@@ -75,10 +78,20 @@ impl Sources {
             let stem = short(&format!("{group}-{name}"), MAX_STEM);
             let numbered =
                 (1_u32..).map(|number| if number == 1 { stem.clone() } else { format!("{stem}-{number}") });
+            // No layer has a name like that of a frame.
+            let numbered = numbered.map(|stem| {
+                let end = stem.rsplit_once('_').map_or("", |(_, end)| end);
+                let is_like_frame = end.len() >= 4 && end.bytes().all(|c| c.is_ascii_digit());
+                if form == Form::Layer && is_like_frame { format!("{stem}_") } else { stem }
+            });
             // Some file systems take both cases of a letter for the same.
             let mut free = numbered.filter(|stem| stems.insert(stem.to_ascii_lowercase()));
             let stem = free.next().expect("there are more numbers than outputs");
             let frames = if form == Form::Sequence { output.present(shot) } else { Vec::new() };
+            let missing = output.frames.count().saturating_sub(frames.len() as u64);
+            if form == Form::Sequence && missing > 0 {
+                sources.left_out.push(missing_remark(output, missing));
+            }
             let source = Source { output: output.clone(), group, name, stem, frames };
             match form {
                 Form::Sequence => sources.sequences.push(source),
@@ -98,7 +111,7 @@ impl Sources {
 /// How an output can become a part of a stage; `None` if it cannot.
 fn form(output: &OutputFiles) -> Option<Form> {
     match (output.format.as_str(), output.rest.is_some()) {
-        ("ply", false) => Some(Form::Sequence),
+        ("ply", false) if output.is_sequence() => Some(Form::Sequence),
         ("pc2", true) => Some(Form::Layer),
         ("json", true) if output.kind == "collider" => Some(Form::Layer),
         _ => None,
@@ -122,10 +135,20 @@ fn shows_same(a: &OutputFiles, b: &OutputFiles) -> bool {
 fn remark(output: &OutputFiles) -> String {
     let next = match (output.kind.as_str(), output.format.as_str()) {
         ("volume", _) => "a program reads the volumes themselves",
+        (_, "ply") => "expected a file for each frame, with {:04} in its pattern: make them again",
         _ => "write PLY files of it to have it there",
     };
     let [kind, name, format] = [&output.kind, &output.name, &output.format].map(|text| printable(text));
     format!("{kind} {name}: not in the stage, since its files are {format}; {next}")
+}
+
+/// What is reported of frames without a file.
+fn missing_remark(output: &OutputFiles, missing: u64) -> String {
+    let [kind, name, pattern] = [&output.kind, &output.name, &output.pattern].map(|text| printable(text));
+    let count = output.frames.count();
+    format!(
+        "{kind} {name}: {missing} of {count} frames have no file {pattern}; make them again to have them in the stage"
+    )
 }
 
 /// A name of a bounded length: a longer one ends in a hash of all of it.
