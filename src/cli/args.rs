@@ -2,7 +2,9 @@
 
 use super::{
     examples,
-    product_args::{CollidersArgs, ExportArgs, MeshArgs, Tier, UsdArgs, VolumeArgs, WhitewaterArgs},
+    product_args::{
+        CollidersArgs, ExportArgs, MeshArgs, PreviewArgs, Tier, UsdArgs, VolumeArgs, WhitewaterArgs,
+    },
     values::{fraction, frames, size, spacing, time},
 };
 use crate::{
@@ -118,6 +120,9 @@ pub(super) enum Verb {
     /// Compute spray, foam and bubbles of a cached liquid, as PLY points; `shot` does so too where the preset has `[whitewater]`
     #[command(after_help = examples::WHITEWATER)]
     Whitewater(WhitewaterArgs),
+    /// Draw shaded pictures of a cached shot: a contact sheet, a loop, and the frames that are selected
+    #[command(after_help = examples::PREVIEW)]
+    Preview(PreviewArgs),
     /// Make a variant of a shot for every combination of settings, and a contact sheet of them
     Wedge(WedgeArgs),
     /// Write a shot, or wedges, as a job of a render farm

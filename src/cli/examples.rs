@@ -33,6 +33,11 @@ pub(super) const USD: &str = "Examples:\n  \
     meniscus usd my-shot                                    metres and Z up, as Blender and Solaris take it\n  \
     meniscus usd my-shot --up y --scale 100 --names maya    centimetres and Y up";
 
+pub(super) const PREVIEW: &str = "Examples:\n  \
+    meniscus preview my-shot                              preview/contact.png and preview/loop.webp\n  \
+    meniscus preview my-shot --frames 24,48 --report      and these frames, and preview/report.html\n  \
+    meniscus preview my-shot --show speed                 particles by speed";
+
 pub(super) const VERIFY: &str = "Examples:\n  \
     meniscus verify my-shot && echo complete";
 
@@ -101,6 +106,7 @@ mod tests {
             EXPORT,
             WHITEWATER,
             USD,
+            PREVIEW,
             VERIFY,
             TRADEOFF,
             WEDGE,

@@ -11,10 +11,12 @@ mod export;
 mod farm;
 mod info;
 mod interrupt;
+mod live;
 mod mesh;
 mod output;
 mod plan;
 mod presets;
+mod preview;
 mod product;
 mod product_args;
 mod progress;
@@ -64,6 +66,7 @@ pub fn main() -> ExitCode {
         Verb::Colliders(args) => colliders::colliders(args, control),
         Verb::Usd(args) => usd::usd(args, control),
         Verb::Farm(args) => farm::farm(args, cli.threads, control),
+        Verb::Preview(args) => preview::preview(args, control),
         Verb::Wedge(args) => wedge::wedge(args, control),
         Verb::Info(args) => info::info(args),
         Verb::Verify(args) => info::verify(args),

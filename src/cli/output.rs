@@ -170,6 +170,16 @@ pub(super) fn print_verbatim(bytes: &[u8]) {
     }
 }
 
+/// Prints the text of a picture, whose control characters the terminal is to obey. Nothing that comes from files is in it.
+pub(super) fn print_picture(text: &str) {
+    use std::io::Write;
+    if let Err(why) = io::stdout().write_all(text.as_bytes())
+        && why.kind() != io::ErrorKind::BrokenPipe
+    {
+        let _ = UNPRINTED.set(why);
+    }
+}
+
 /// The error of a job whose results could not all be printed.
 pub(super) fn unprinted() -> Option<RunError> {
     let why = UNPRINTED.get()?;

@@ -1,8 +1,8 @@
 //! Arguments of the verbs that make products.
 
 use super::values::{
-    frames, mesh_format, name_scheme, scale, sheet_format, size, spacing, thickness, up_axis, volume_grid,
-    wait,
+    frames, mesh_format, name_scheme, picture_size, scale, sheet_format, size, spacing, thickness, up_axis,
+    volume_grid, wait,
 };
 use crate::{
     export::{
@@ -10,9 +10,13 @@ use crate::{
         usd::{NameScheme, UpAxis},
         vdb::VolumeGrid,
     },
+    run::ParticleLook,
     scene::Frames,
 };
-use clap::{Args, ValueEnum};
+use clap::{
+    Args, ValueEnum,
+    builder::{PossibleValuesParser, TypedValueParser},
+};
 use std::{path::PathBuf, time::Duration};
 
 /// A quality tier of a preset.
@@ -235,4 +239,60 @@ pub(super) struct WhitewaterArgs {
     /// Compute again what is there already
     #[arg(long)]
     pub(super) force: bool,
+}
+
+/// Arguments of `preview`.
+#[derive(Debug, Args)]
+#[command(long_about = "Draw shaded pictures of a cached shot, without Blender.\n\n\
+        Writes preview/contact.png and preview/loop.webp of the whole shot, and with --frames the picture of each of \
+        these frames. Meshes and whitewater that are in the folder are shown; a liquid without a mesh gets a draft surface in memory. \
+        The camera is that of the preset, or one that frames what moves. docs/preview.md shows what to expect.")]
+pub(super) struct PreviewArgs {
+    /// A shot folder or its cache
+    #[arg(value_name = "DIR")]
+    pub(super) cache: PathBuf,
+
+    /// The folder that gets `preview/` and `shot.json`; by default the shot folder itself
+    #[arg(short, long, value_name = "DIR")]
+    pub(super) output: Option<PathBuf>,
+
+    /// The frames that get a picture of their own, `preview/frame_0001.png`: `1-240`, `1-240x2`, `1,5,9-12`
+    #[arg(long, value_name = "LIST", value_parser = frames)]
+    pub(super) frames: Option<Frames>,
+
+    /// Width and height of these pictures in pixels, from 16 to 4096; loop and contact sheet have the same shape, 480 pixels wide
+    #[arg(long, value_name = "WxH", default_value = "960x540", value_parser = picture_size)]
+    pub(super) size: [usize; 2],
+
+    /// What is shown of a liquid: its `surface`, or its particles by `speed`
+    #[arg(long, value_name = "WHAT", default_value = "surface", value_parser = particle_look())]
+    pub(super) show: ParticleLook,
+
+    /// Refuse a picture that needs more memory than this: `8GiB`, `500MiB`
+    #[arg(long, value_name = "SIZE", value_parser = size)]
+    pub(super) max_memory: Option<u64>,
+
+    /// Show each picture in the terminal as it is drawn, if that declares the graphics of kitty or sixel
+    #[arg(long)]
+    pub(super) live: bool,
+
+    /// Draw the frames of a running simulation as they come: until all that were requested of it (or --frames) are drawn, waiting at
+    /// most so long for each
+    #[arg(long, value_name = "TIME", num_args = 0..=1, require_equals = true, default_missing_value = "1d", value_parser = wait)]
+    pub(super) follow: Option<Duration>,
+
+    /// Write `preview/report.html` too: one page with the loop, plots over frames, warnings, settings and the command of the shot
+    #[arg(long)]
+    pub(super) report: bool,
+
+    /// Draw again what is there already
+    #[arg(long)]
+    pub(super) force: bool,
+}
+
+/// The looks of particles, by their names.
+fn particle_look() -> impl TypedValueParser<Value = ParticleLook> {
+    PossibleValuesParser::new(ParticleLook::ALL.map(ParticleLook::name)).map(|name| {
+        ParticleLook::ALL.into_iter().find(|look| look.name() == name).expect("only these are accepted")
+    })
 }

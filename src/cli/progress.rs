@@ -64,11 +64,15 @@ impl Reporter for Bar {
         self.with(|bar| bar.set_message(printable(figures).into_owned()));
     }
 
-    fn note(&self, text: &str) {
-        let drawn = lock(&self.bar).as_ref().map(|bar| bar.suspend(|| print_line(&format!("note: {text}"))));
-        if drawn.is_none() {
-            print_line(&format!("note: {text}"));
+    fn suspended(&self, print: &mut dyn FnMut()) {
+        match &*lock(&self.bar) {
+            Some(bar) => bar.suspend(print),
+            None => print(),
         }
+    }
+
+    fn note(&self, text: &str) {
+        self.suspended(&mut || print_line(&format!("note: {text}")));
     }
 
     fn end(&self) {

@@ -122,6 +122,19 @@ pub(super) fn size(text: &str) -> Result<u64, String> {
     }
 }
 
+/// Width and height of a picture [pixels], each in this range: smaller ones have no place for anything, and larger ones take gigabytes.
+const PICTURE_SIDES: std::ops::RangeInclusive<usize> = 16..=4096;
+
+/// Width and height of a picture [pixels].
+pub(super) fn picture_size(text: &str) -> Result<[usize; 2], String> {
+    let sides = text.split_once(['x', 'X', '×']);
+    let side = |text: &str| text.trim().parse().ok().filter(|side| PICTURE_SIDES.contains(side));
+    sides.and_then(|(width, height)| Some([side(width)?, side(height)?])).ok_or_else(|| {
+        let (min, max) = (PICTURE_SIDES.start(), PICTURE_SIDES.end());
+        format!("expected width and height from {min} to {max} pixels, such as 960x540")
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -148,6 +161,14 @@ mod tests {
         assert_eq!(spacing("1 in"), Ok(0.0254));
         for wrong in ["", "cm", "2 s", "2 parsecs", "2 cm²", "two", "2 %"] {
             assert!(spacing(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn sizes_of_pictures_are_two_numbers_of_pixels() {
+        assert_eq!([picture_size("960x540"), picture_size(" 16 × 4096")], [Ok([960, 540]), Ok([16, 4096])]);
+        for wrong in ["", "960", "x", "960x", "15x540", "960x4097", "-960x540", "1e3x540", "960x540x3"] {
+            assert!(picture_size(wrong).is_err(), "{wrong}");
         }
     }
 

@@ -1,7 +1,7 @@
 //! Pixels, labels, and the PNG file that they become.
 
 use super::font::{ADVANCE, LINE, glyph};
-use crate::cache::write_atomically;
+use crate::cache::{WrittenFile, write_atomically};
 use std::{io, path::Path};
 
 /// An image of red, green and blue bytes.
@@ -19,9 +19,31 @@ impl Canvas {
     /// Height of a line of text [pixels].
     pub(crate) const LINE: usize = LINE * SCALE;
 
+    /// Width of a letter with the gap behind it [pixels].
+    pub(crate) const ADVANCE: usize = ADVANCE * SCALE;
+
     /// An image of one colour.
     pub(crate) fn new(width: usize, height: usize, colour: [u8; 3]) -> Self {
         Self { width, height, pixels: vec![colour; width * height] }
+    }
+
+    /// An image of these pixels, row by row.
+    ///
+    /// # Panics
+    /// If there are not as many as the image has.
+    pub(crate) fn of_pixels(width: usize, height: usize, pixels: Vec<[u8; 3]>) -> Self {
+        assert_eq!(pixels.len(), width * height, "every pixel has a colour");
+        Self { width, height, pixels }
+    }
+
+    /// Width and height [pixels].
+    pub(crate) fn size(&self) -> [usize; 2] {
+        [self.width, self.height]
+    }
+
+    /// The pixels, row by row.
+    pub(crate) fn pixels(&self) -> &[[u8; 3]] {
+        &self.pixels
     }
 
     /// Sets a pixel, if it is in the image.
@@ -58,7 +80,16 @@ impl Canvas {
     ///
     /// # Errors
     /// If it cannot be written.
-    pub(crate) fn save(&self, path: &Path) -> io::Result<()> {
+    pub(crate) fn save(&self, path: &Path) -> io::Result<WrittenFile> {
+        let bytes = self.png()?;
+        write_atomically(path, |out| out.write_all(&bytes))
+    }
+
+    /// The image as the bytes of a PNG file.
+    ///
+    /// # Errors
+    /// If it has more pixels than such a file can.
+    pub(crate) fn png(&self) -> io::Result<Vec<u8>> {
         let mut bytes = Vec::new();
         let too_large = |_| io::Error::other("the image has more than 2^31 pixels on a side");
         let (width, height) =
@@ -69,7 +100,7 @@ impl Canvas {
         let mut writer = encoder.write_header().map_err(io::Error::other)?;
         writer.write_image_data(self.pixels.as_flattened()).map_err(io::Error::other)?;
         writer.finish().map_err(io::Error::other)?;
-        write_atomically(path, |out| out.write_all(&bytes)).map(|_| ())
+        Ok(bytes)
     }
 }
 

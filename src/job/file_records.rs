@@ -139,6 +139,25 @@ impl FileRecords {
         self.records.iter().map(|record| record.frame.0)
     }
 
+    /// The frames whose file, of this name, has a record; a frame may occur several times.
+    pub(crate) fn frames_with(&self, name: impl Fn(u32) -> String) -> impl Iterator<Item = u32> {
+        self.frames().filter(move |&frame| self.of(&name(frame)).is_some())
+    }
+
+    /// Bytes of the files of each frame that has some, without files of several frames.
+    pub(crate) fn bytes_by_frame(&self) -> BTreeMap<FrameIndex, u64> {
+        let mut sums = BTreeMap::new();
+        for &(record, place) in self.by_file.values() {
+            let record = &self.records[record];
+            let recorded = &record.files[place];
+            // Only files of one frame have its number.
+            if recorded.file.contains(&format!("_{}.", record.frame)) {
+                *sums.entry(record.frame).or_default() += recorded.bytes;
+            }
+        }
+        sums
+    }
+
     /// Whether every one of these files is in `out` as it was written with `key`.
     pub(crate) fn confirm(&self, out: &ShotFolder, files: &[String], key: u64) -> bool {
         let key = hex(key);

@@ -133,6 +133,11 @@ impl OutputFiles {
         }
     }
 
+    /// Whether every frame has a file of its own; else a few files have all frames.
+    pub(crate) fn is_per_frame(&self) -> bool {
+        self.pattern.contains(NUMBER)
+    }
+
     /// Whether the files are those of `other`, whatever the frames.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         self.name == other.name && self.format == other.format && self.pattern == other.pattern
@@ -146,11 +151,6 @@ impl OutputFiles {
     /// The file of a frame, relative to the folder.
     pub(crate) fn file_name(&self, frame: u32) -> String {
         self.pattern.replace(NUMBER, &format!("{frame:04}"))
-    }
-
-    /// Whether every frame has a file of its own.
-    pub(crate) fn is_sequence(&self) -> bool {
-        self.pattern.contains(NUMBER)
     }
 
     /// The pattern, or the files of all frames.

@@ -3,6 +3,7 @@
 use crate::{
     cache::Patience,
     control::{CancelToken, Watch},
+    image::Canvas,
 };
 use std::time::Duration;
 
@@ -16,6 +17,14 @@ pub(crate) trait Reporter: Sync {
 
     /// A frame is finished; `figures` is one line about it.
     fn frame(&self, figures: &str);
+
+    /// A picture of a frame is drawn; most callers show none.
+    fn picture(&self, _picture: &Canvas) {}
+
+    /// Runs `print` while nothing of the progress is drawn, so that it does not mix with what is printed.
+    fn suspended(&self, print: &mut dyn FnMut()) {
+        print();
+    }
 
     /// Something the user should know, once.
     fn note(&self, text: &str);

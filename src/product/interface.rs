@@ -41,6 +41,11 @@ pub(crate) trait Product: ProductFolder {
         true
     }
 
+    /// Whether only selected frames have files, so that the other requested frames lack none.
+    fn is_of_selected_frames(&self) -> bool {
+        false
+    }
+
     /// Key with which a preset requests the product, and an example; `None` if presets cannot request it.
     fn preset_key(&self) -> Option<(&'static str, &'static str)> {
         None

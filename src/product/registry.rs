@@ -2,12 +2,12 @@
 
 use super::{
     colliders::ColliderMeshes, interface::Product, point_cache::PointCache, points::TracerPoints,
-    sheet_mesh::SheetMesh, surface::SurfaceMesh, usd::UsdStage, volume::VolumeFile,
+    preview::Preview, sheet_mesh::SheetMesh, surface::SurfaceMesh, usd::UsdStage, volume::VolumeFile,
     whitewater::WhitewaterPoints,
 };
 
 /// Every product, in the order in which they are made.
-pub(crate) static ALL: [&dyn Product; 8] = [
+pub(crate) static ALL: [&dyn Product; 9] = [
     &SurfaceMesh,
     &VolumeFile,
     &SheetMesh,
@@ -16,4 +16,5 @@ pub(crate) static ALL: [&dyn Product; 8] = [
     &WhitewaterPoints,
     &ColliderMeshes,
     &UsdStage,
+    &Preview,
 ];

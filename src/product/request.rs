@@ -1,6 +1,6 @@
 //! What is requested of products.
 
-use super::colliders;
+use super::{colliders, preview::PreviewParams};
 use crate::{
     export::{usd::StageParams, vdb::VolumeParams},
     import::Sequence,
@@ -33,6 +33,8 @@ pub(crate) struct ProductSettings {
     pub colliders: bool,
     /// What a stage of the shot's files is like; `None`: there is none.
     pub usd: Option<StageParams>,
+    /// How pictures are made, which presets cannot request; `None`: they are not.
+    pub preview: Option<PreviewParams>,
 }
 
 impl ProductSettings {
@@ -42,7 +44,16 @@ impl ProductSettings {
         let is_any_shown = world.collider.iter().any(|collider| collider.shown_look().is_some());
         let colliders = output.has_files() && (is_any_shown || !body.is_empty());
         let (surface, volume, output) = (surface.clone(), volume.clone(), output.clone());
-        Self { surface, volume, output, whitewater: whitewater.clone(), points: false, colliders, usd: None }
+        Self {
+            surface,
+            volume,
+            output,
+            whitewater: whitewater.clone(),
+            points: false,
+            colliders,
+            usd: None,
+            preview: None,
+        }
     }
 
     /// The settings of the preset of a shot: its colliders are requested too if the manifest lists some of an earlier run.

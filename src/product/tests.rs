@@ -1,6 +1,6 @@
 //! Tests of what all products share.
 
-use super::{ALL, ProductInput, ProductRequest, ProductSettings};
+use super::{ALL, ParticleLook, PreviewParams, ProductInput, ProductRequest, ProductSettings};
 use crate::{
     cache,
     control::CancelToken,
@@ -36,12 +36,15 @@ fn make_all(streams: Vec<Stream>) -> Vec<Result<Vec<String>, String>> {
         thickness: None,
     };
     let (whitewater, usd) = (Some(WhitewaterParams::default()), Some(StageParams::default()));
+    let (size, particles) = ([32, 18], ParticleLook::Surface);
+    let preview = Some(PreviewParams { size, frames: true, particles, shows_kept: false });
     let settings = ProductSettings {
         output,
         whitewater,
         points: true,
         colliders: true,
         usd,
+        preview,
         ..ProductSettings::default()
     };
     let batch = BatchRequest {
@@ -79,4 +82,5 @@ fn nothing_is_made_of_streams_of_unknown_kind() {
     assert!(both[2..7].iter().all(Result::is_err), "{both:?}");
     // Of the files of the others.
     assert_eq!(both[7].as_deref(), Ok(&["mesh-liquid_0001.usdc".to_owned()][..]));
+    assert_eq!(both[8].as_deref(), Ok(&["frame_0001.png".to_owned()][..]));
 }

@@ -4,13 +4,16 @@ use super::{Failure, FrameSpan, Manifest, OutputFiles, RunError, ShotFolder, Tot
 use crate::{
     cache::{self, CacheError, StreamInfo},
     frame::FrameIndex,
-    job::{log, totals_by_key},
+    job::{file_records::FileRecords, log, totals_by_key},
     product,
     sim::{FrameRecord, registry, system::CachedFrame},
 };
 use serde::Serialize;
 use serde_json::{Map, Value};
-use std::{collections::BTreeMap, path::Path};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    path::Path,
+};
 
 /// What a shot folder holds.
 #[derive(Clone, Debug, Serialize)]
@@ -124,7 +127,7 @@ pub(crate) fn info(folder: &ShotFolder) -> Result<Info, RunError> {
         fps: manifest.as_ref().map_or(0.0, |known| known.fps),
         span,
         totals: registry::ALL.iter().flat_map(|system| system.totals(&cached)).collect(),
-        outputs: outputs.map(|output| output_info(output, folder)).collect(),
+        outputs: outputs.map(|output| output_info(output, folder)).collect::<Result<_, _>>()?,
         frames,
         missing,
         missing_count,
@@ -186,8 +189,21 @@ fn lacking(span: FrameSpan, frames: &[FrameState]) -> (Vec<u32>, u64) {
 }
 
 /// Files of an output that exist.
-fn output_info(output: &OutputFiles, folder: &ShotFolder) -> OutputInfo {
-    let present = match output.is_sequence() {
+fn output_info(output: &OutputFiles, folder: &ShotFolder) -> Result<OutputInfo, RunError> {
+    let subfolder = output.pattern.split('/').next().unwrap_or_default();
+    let product = product::ALL.into_iter().find(|product| product.name() == subfolder);
+    let is_of_selected =
+        output.is_per_frame() && product.is_some_and(|product| product.is_of_selected_frames());
+    let expected = match is_of_selected {
+        true => {
+            let records = FileRecords::read(folder, subfolder)?;
+            let recorded = records.frames_with(|frame| output.file_name(frame));
+            let frames = output.present(folder).into_iter().chain(recorded);
+            frames.filter(|&frame| output.frames.contains(frame)).collect::<BTreeSet<u32>>().len() as u64
+        }
+        false => output.frames.count(),
+    };
+    let present = match output.is_per_frame() {
         true => output.present(folder).len(),
         // A sheet has one file for all of its frames.
         false => {
@@ -195,14 +211,14 @@ fn output_info(output: &OutputFiles, folder: &ShotFolder) -> OutputInfo {
             if output.paths().all(is_there) { output.frames.count() as usize } else { 0 }
         }
     };
-    OutputInfo {
+    Ok(OutputInfo {
         kind: output.kind.clone(),
         name: output.name.clone(),
         format: output.format.clone(),
         pattern: output.pattern.clone(),
         present,
-        missing: output.frames.count().saturating_sub(present as u64),
-    }
+        missing: expected.saturating_sub(present as u64),
+    })
 }
 
 /// Ascending frame numbers as `--frames` takes them: `3,5-9`.

@@ -10,6 +10,7 @@ mod info;
 mod plan;
 mod prepare;
 mod products;
+mod report;
 mod simulate;
 mod solids;
 mod stale;
@@ -25,7 +26,10 @@ pub(crate) use crate::{
         Total,
         batch::{BatchRequest, Source},
     },
-    product::{ProductInput, ProductRequest, ProductSelection, ProductSettings, Retime, is_any_requested},
+    product::{
+        ParticleLook, PreviewParams, ProductInput, ProductRequest, ProductSelection, ProductSettings, Retime,
+        is_any_requested,
+    },
 };
 pub(crate) use bounds::{FrameBounds, bounds};
 pub(crate) use branch::NewBranch;
@@ -34,6 +38,7 @@ pub(crate) use info::{FrameState, Info, frame_ranges, info, is_shot};
 pub(crate) use plan::{Outline, Plan, outline, plan, refuse_over_memory};
 pub(crate) use prepare::prepare;
 pub(crate) use products::make_products;
+pub(crate) use report::report;
 pub(crate) use simulate::{check_selection, simulate};
 pub(crate) use vary::Vary;
 pub(crate) use verify::{Stage, Verification, verify};

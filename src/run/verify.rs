@@ -238,7 +238,7 @@ fn cached(
 }
 
 /// A path as a shell takes it.
-fn quoted(path: &Path) -> String {
+pub(super) fn quoted(path: &Path) -> String {
     let text = printable_path(path).to_string();
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "/._-+".contains(c);
     if text.chars().all(is_plain) { text } else { format!("'{}'", text.replace('\'', "'\\''")) }
@@ -303,15 +303,17 @@ fn made(
         };
         stage.faults.push(Fault { frame, file, state, why });
     };
-    match output.is_sequence() {
+    match output.is_per_frame() {
         true => {
             let present: BTreeSet<u32> = output.present(folder).into_iter().collect();
             for &frame in &present {
                 compare(&mut stage, frame, output.file_name(frame));
             }
             // The span covers gaps too: what was made once, and what was requested of the simulation.
-            let recorded = records.frames().filter(|&frame| records.of(&output.file_name(frame)).is_some());
-            let expected: BTreeSet<u32> = cache.requested.iter().copied().chain(recorded).collect();
+            let is_of_selected = product.is_some_and(|product| product.is_of_selected_frames());
+            let recorded = records.frames_with(|frame| output.file_name(frame));
+            let requested = cache.requested.iter().copied().filter(|_| !is_of_selected);
+            let expected: BTreeSet<u32> = requested.chain(recorded).collect();
             let missing = expected.difference(&present).filter(|&&frame| output.frames.contains(frame));
             stage.add_missing(missing.map(|&frame| (frame, output.file_name(frame))));
         }

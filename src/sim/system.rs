@@ -115,6 +115,11 @@ pub(crate) trait System: Sync {
         Vec::new()
     }
 
+    /// Figures of a frame that reports plot over frames.
+    fn plotted(&self, _record: &FrameRecord) -> Vec<PlottedFigure> {
+        Vec::new()
+    }
+
     /// Named numbers that the header of a cached frame holds, for `info`.
     fn frame_figures(&self, _streams: &[StreamInfo]) -> Vec<(&'static str, f64)> {
         Vec::new()
@@ -123,6 +128,29 @@ pub(crate) trait System: Sync {
     /// Sums and extremes over cached frames, for `info`.
     fn totals(&self, _frames: &[CachedFrame]) -> Vec<Total> {
         Vec::new()
+    }
+}
+
+/// A figure of a frame in a plot over frames.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct PlottedFigure {
+    /// Title of the plot; figures with the same are in one.
+    pub(crate) plot: &'static str,
+    /// Unit of its values.
+    pub(crate) unit: &'static str,
+    /// Name of the line.
+    pub(crate) series: &'static str,
+    pub(crate) value: f64,
+}
+
+impl PlottedFigure {
+    /// The figures of one plot.
+    pub(crate) fn of<const N: usize>(
+        plot: &'static str,
+        unit: &'static str,
+        series: [(&'static str, f64); N],
+    ) -> [Self; N] {
+        series.map(|(series, value)| Self { plot, unit, series, value })
     }
 }
 

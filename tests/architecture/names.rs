@@ -47,7 +47,7 @@ const COMPOSITION: [&str; 10] = [
 ];
 
 /// Other files that may name one, with the reason.
-const ALLOWED: [(&str, &str, &str); 26] = [
+const ALLOWED: [(&str, &str, &str); 27] = [
     ("src/untrusted/", "sheet", "the importer of meshes with painted values, for sheets"),
     ("src/frame/kind.rs", "vortons", "a kind of streams"),
     ("src/cache/format.rs", "liquid", "streams of version 1 have no kind, which their names imply"),
@@ -65,6 +65,7 @@ const ALLOWED: [(&str, &str, &str); 26] = [
     ("src/mesh/shell.rs", "sheet", "a mesh without thickness"),
     ("src/product/point_cache/", "sheet", "the product `sheet`"),
     ("src/product/sheet_mesh/", "sheet", "the product `sheet`"),
+    ("src/product/preview/", "sheet", "the meshes of the product `sheet` are drawn"),
     ("src/product/volume/", "smoke", "velocity and retiming of tracers are those of the smoke's air"),
     ("src/product/points/", "smoke", "the velocity of tracers is that of the smoke's air"),
     ("src/cli/volume.rs", "smoke", "the key that `--reseed` needs"),

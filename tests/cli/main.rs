@@ -16,6 +16,7 @@ mod interrupt;
 mod manners;
 mod meshing;
 mod plan;
+mod preview;
 mod resume;
 mod sheet_scenes;
 mod sheet_tradeoff;

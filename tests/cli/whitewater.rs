@@ -14,7 +14,7 @@ wave_crests = 2000
 
 [output]"#;
 
-fn desk() -> Desk {
+pub(crate) fn desk() -> Desk {
     let desk = Desk::new();
     let text = SMALL.replacen("[output]", WHITE, 1).replacen("\"1-5\"", "\"1-16\"", 1);
     desk.write("white.toml", text.replacen("mesh = [\"ply\"]", "", 1));

@@ -127,6 +127,11 @@ impl FrameOutcome {
         Ok(())
     }
 
+    /// Whether something of the frame could not be made.
+    pub(crate) fn has_failed(&self) -> bool {
+        !self.failed.is_empty()
+    }
+
     /// Records that something could not be made; the batch continues.
     pub(crate) fn fail(&mut self, why: String, kind: Failure) {
         self.failed.push(FailedFrame { name: format!("frame {}", self.index), why, kind });

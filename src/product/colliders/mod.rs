@@ -9,4 +9,5 @@ mod tessellate;
 mod writer;
 
 pub(super) use outputs::are_listed;
-pub(super) use writer::ColliderMeshes;
+pub(super) use tessellate::shown_mesh;
+pub(super) use writer::{COLLIDER_VERSION, ColliderMeshes};

@@ -30,7 +30,7 @@ const GLASS_THICKNESS: f32 = 0.006;
 ///
 /// # Errors
 /// As [`tessellate`].
-pub(super) fn shown_mesh(
+pub(in crate::product) fn shown_mesh(
     shape: &Shape,
     look: Look,
     bytes: &[u8],

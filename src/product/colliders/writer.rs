@@ -31,7 +31,7 @@ use std::{collections::BTreeSet, path::Path};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// Raised whenever a change of what a file holds gives the same collider another one.
-const COLLIDER_VERSION: u32 = 2;
+pub(in crate::product) const COLLIDER_VERSION: u32 = 2;
 
 /// Memory of reading and writing a mesh [bytes/byte of its file], as the limit of its reader.
 const MESH_BYTES: f64 = 64.0;

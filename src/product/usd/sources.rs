@@ -111,7 +111,7 @@ impl Sources {
 /// How an output can become a part of a stage; `None` if it cannot.
 fn form(output: &OutputFiles) -> Option<Form> {
     match (output.format.as_str(), output.rest.is_some()) {
-        ("ply", false) if output.is_sequence() => Some(Form::Sequence),
+        ("ply", false) if output.is_per_frame() => Some(Form::Sequence),
         ("pc2", true) => Some(Form::Layer),
         ("json", true) if output.kind == "collider" => Some(Form::Layer),
         _ => None,

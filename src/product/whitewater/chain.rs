@@ -6,7 +6,11 @@
 use crate::{
     cache::{self, CacheError, FrameKeys},
     frame::{Frame, FrameIndex, Stream, StreamKind},
-    job::{Control, RunError, ShotFolder, batch::BatchRequest, memory::BASE_MEMORY},
+    job::{
+        Control, RunError, ShotFolder,
+        batch::{BatchRequest, state_key},
+        memory::BASE_MEMORY,
+    },
     math::Vec3,
     sim::{
         scene::Scene,
@@ -100,6 +104,14 @@ impl<'a> Chain<'a> {
     /// The key of the whitewater in the frame at `place`.
     pub(super) fn key(&self, place: usize) -> u64 {
         self.keys[place]
+    }
+
+    /// The state of the liquid in the frame at `place`; `None` if its header cannot be read.
+    pub(super) fn state(&self, place: usize) -> Option<u64> {
+        let (index, path) = &self.frames[place];
+        let info = cache::read_header(path).ok()?;
+        let liquid = info.streams.iter().find(|stream| stream.kind == StreamKind::Particles)?;
+        Some(state_key(info.key, *index, &liquid.name))
     }
 
     /// The file with the whitewater of the frame at `place`.

@@ -46,10 +46,10 @@ pub(super) struct FileSettings<'a> {
 }
 
 impl FileSettings<'_> {
-    /// What the files of a frame are made for: whitewater with a key, selected by an amount.
-    pub(super) fn target(&self, index: FrameIndex, key: u64) -> FileTarget {
+    /// What the files of a frame are made for: whitewater with a key, of a state of the liquid, selected by an amount.
+    pub(super) fn target(&self, index: FrameIndex, key: u64, state: Option<u64>) -> FileTarget {
         let text = format!("whitewater points {POINTS_VERSION} {key:016x} {}", self.params.amount);
-        FileTarget { index, name: NAME.into(), key: xxh3_64(text.as_bytes()), state: None }
+        FileTarget { index, name: NAME.into(), key: xxh3_64(text.as_bytes()), state }
     }
 
     /// The key of the volume of a target, which its own settings decide, too.

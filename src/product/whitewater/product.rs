@@ -238,7 +238,7 @@ impl Writer<'_> {
         control: Control,
     ) -> Result<(), RunError> {
         let start = Instant::now();
-        let target = self.settings.target(outcome.index, self.chain.key(place));
+        let target = self.settings.target(outcome.index, self.chain.key(place), self.chain.state(place));
         let kept = || self.settings.up_to_date(self.out, &target);
         if !self.force && self.chain.is_stored(place) {
             if !is_requested {

@@ -19,6 +19,8 @@ FORMAT = "meniscus-shot"
 VERSION = 1
 FRAME_NUMBER = "{:04}"
 VELOCITY = ["vx", "vy", "vz"]
+# Kinds of outputs for people, of which the user need not know that Blender does not open them.
+PICTURES = ("preview", "report")
 
 # A shot has some hundred bytes for each output; a list of 1000 outputs has half a megabyte.
 MAX_MANIFEST_BYTES = 4 << 20
@@ -233,6 +235,8 @@ class Validator:
                 sheets.append(SheetOutput(*self.moved_mesh(key, output, ".pc2"), self.frames(f'{key} "frames"', output.get("frames"))))
             elif kind == ("collider", "json"):
                 colliders.append(ColliderOutput(*self.moved_mesh(key, output, ".json"), self.point_cache(key, output)))
+            elif kind[0] in PICTURES:
+                pass
             elif "density" in grids and name not in meshed:
                 volumes.append(VolumeOutput(*self.sequence(key, output), "velocity" in grids))
             else:

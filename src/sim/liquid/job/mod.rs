@@ -17,7 +17,7 @@ use crate::{
         FrameRecord, SeedReport,
         forecast::{ElementCount, ForecastJob, SystemForecast},
         scene::Scene,
-        system::{CachedFrame, System, mesh_files},
+        system::{CachedFrame, PlottedFigure, System, mesh_files},
         tradeoff::Subject,
     },
     solid::Shape,
@@ -125,6 +125,10 @@ impl System for Liquid {
     fn shot_warnings(&self, scene: &Scene, frames: &[(FrameIndex, FrameRecord)]) -> Vec<String> {
         let liquid = scene.liquid.as_ref();
         liquid.and_then(|liquid| volume::warning(liquid, frames)).into_iter().collect()
+    }
+
+    fn plotted(&self, record: &FrameRecord) -> Vec<PlottedFigure> {
+        record.liquid.as_ref().map(report::plotted).unwrap_or_default()
     }
 
     fn frame_figures(&self, streams: &[StreamInfo]) -> Vec<(&'static str, f64)> {

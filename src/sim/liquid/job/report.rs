@@ -8,7 +8,7 @@ use crate::{
     sim::{
         FrameRecord, force,
         liquid::{EmptySource, LiquidRecord, LiquidSeeds, NAME, ThinSolid, record::FRAME_FIGURES},
-        system::CachedFrame,
+        system::{CachedFrame, PlottedFigure},
     },
 };
 use serde_json::json;
@@ -115,6 +115,32 @@ pub(super) fn progress(record: &LiquidRecord) -> String {
         percent(record.dilation_avg),
         100.0 * record.volume_change,
     )
+}
+
+/// The figures that reports plot.
+pub(super) fn plotted(record: &LiquidRecord) -> Vec<PlottedFigure> {
+    let LiquidRecord { compression_avg, dilation_avg, kinetic_energy, potential_energy, .. } = *record;
+    let mut figures = Vec::new();
+    let density = [("compression", 100.0 * compression_avg), ("dilation", 100.0 * dilation_avg)];
+    figures.extend(PlottedFigure::of("Density deviation of the bulk", "%", density));
+    figures.extend(PlottedFigure::of("Volume of the liquid", "m³", [("volume", record.volume)]));
+    let change = [("change", 100.0 * record.volume_change)];
+    figures.extend(PlottedFigure::of("Change of the volume", "%", change));
+    let total = kinetic_energy + potential_energy + record.surface_energy;
+    let energies = [
+        ("kinetic", kinetic_energy),
+        ("potential", potential_energy),
+        ("surface", record.surface_energy),
+        ("sum", total),
+    ];
+    figures.extend(PlottedFigure::of("Energy of the liquid", "J", energies));
+    let iterations = [
+        ("substeps", f64::from(record.substeps)),
+        ("density", f64::from(record.iterations)),
+        ("viscosity", f64::from(record.viscosity_iterations)),
+    ];
+    figures.extend(PlottedFigure::of("Iterations of the liquid", "a frame", iterations));
+    figures
 }
 
 /// Limits that changed a frame.

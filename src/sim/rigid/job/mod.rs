@@ -12,7 +12,7 @@ use crate::{
         FrameRecord, SeedReport,
         forecast::{ForecastJob, SystemForecast},
         scene::Scene,
-        system::{CachedFrame, System, mesh_files},
+        system::{CachedFrame, PlottedFigure, System, mesh_files},
     },
     solid::Shape,
 };
@@ -70,6 +70,12 @@ impl System for Bodies {
     fn warnings(&self, record: &FrameRecord) -> Vec<String> {
         let warnings = |bodies| report::warnings(bodies, record.liquid.is_some());
         record.bodies.as_ref().map(warnings).unwrap_or_default()
+    }
+
+    fn plotted(&self, record: &FrameRecord) -> Vec<PlottedFigure> {
+        let Some(bodies) = &record.bodies else { return Vec::new() };
+        let energies = [("kinetic", bodies.kinetic_energy), ("potential", bodies.potential_energy)];
+        PlottedFigure::of("Energy of the bodies", "J", energies).into()
     }
 
     fn totals(&self, frames: &[CachedFrame]) -> Vec<Total> {

@@ -15,7 +15,7 @@ use crate::{
         FrameRecord, SeedReport,
         forecast::{ElementCount, ForecastJob, SystemForecast},
         scene::Scene,
-        system::{CachedFrame, System, mesh_files},
+        system::{CachedFrame, PlottedFigure, System, mesh_files},
         tradeoff::Subject,
     },
     solid::Shape,
@@ -112,6 +112,20 @@ impl System for Sheets {
 
     fn warnings(&self, record: &FrameRecord) -> Vec<String> {
         record.sheets.as_ref().map(report::warnings).unwrap_or_default()
+    }
+
+    fn plotted(&self, record: &FrameRecord) -> Vec<PlottedFigure> {
+        let Some(sheets) = &record.sheets else { return Vec::new() };
+        let energies = [
+            ("kinetic", sheets.kinetic_energy),
+            ("elastic", sheets.elastic_energy),
+            ("potential", sheets.potential_energy),
+        ];
+        let iterations = [("substeps", f64::from(sheets.substeps)), ("solver", f64::from(sheets.iterations))];
+        let strain = [("largest", 100.0 * sheets.strain_max)];
+        let plots = PlottedFigure::of("Energy of the sheets", "J", energies).into_iter();
+        let plots = plots.chain(PlottedFigure::of("Strain of the sheets", "%", strain));
+        plots.chain(PlottedFigure::of("Iterations of the sheets", "a frame", iterations)).collect()
     }
 
     fn totals(&self, frames: &[CachedFrame]) -> Vec<Total> {

@@ -14,7 +14,7 @@ use crate::{
         FrameRecord, SeedReport,
         forecast::{ElementCount, ForecastJob, SystemForecast},
         scene::Scene,
-        system::{System, mesh_files},
+        system::{PlottedFigure, System, mesh_files},
         tradeoff::Subject,
     },
     solid::Shape,
@@ -95,6 +95,15 @@ impl System for Smoke {
 
     fn warnings(&self, record: &FrameRecord) -> Vec<String> {
         record.smoke.as_ref().map(report::warnings).unwrap_or_default()
+    }
+
+    fn plotted(&self, record: &FrameRecord) -> Vec<PlottedFigure> {
+        let Some(smoke) = &record.smoke else { return Vec::new() };
+        let counts = [("vortons", smoke.vortons as f64), ("tracers", smoke.tracers as f64)];
+        let through = smoke.through_flow.map(|part| [("through-flow", 100.0 * part)]);
+        let counts = PlottedFigure::of("Elements of the smoke", "number", counts).into_iter();
+        let through = through.map(|part| PlottedFigure::of("Leakage of solids in the smoke", "%", part));
+        counts.chain(through.into_iter().flatten()).collect()
     }
 
     fn shot_warnings(&self, _: &Scene, frames: &[(FrameIndex, FrameRecord)]) -> Vec<String> {
