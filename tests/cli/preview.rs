@@ -144,7 +144,7 @@ fn foam_of_another_state_and_points_of_fog_are_not_shown() {
 fn particles_by_speed_a_camera_and_a_cache_without_a_mesh_are_drawn() {
     let desk = Desk::new();
     let camera = "[camera]\nposition = [0.8, -4, 0.6]\ntarget = [0.8, 0.4, 0.6]\n";
-    desk.write("camera.toml", &format!("{SMALL}\n{camera}"));
+    desk.write("camera.toml", format!("{SMALL}\n{camera}"));
     desk.run("simulate small.toml", 0);
     desk.run("simulate camera.toml", 0);
     let (_, err) = desk.run("preview small --frames 3 --size 192x108", 0);

@@ -1,6 +1,6 @@
 //! USD: a stage of a whole shot (`docs/formats/usd.md`, `docs/decisions/039-usd.md`).
 //!
-//! [`GeometryLayer`] and [`AnimatedMesh`] write binary layers through [`crate_file`], [`Stage`] the text that joins them.
+//! `GeometryLayer` and `AnimatedMesh` write binary layers through `crate_file`, `Stage` the text that joins them.
 
 mod animated;
 mod compress;
