@@ -79,8 +79,13 @@ impl<'a> ShownFiles<'a> {
         let index = info.index;
         let states = info.streams.iter().map(|stream| hex(state_key(info.key, index, &stream.name)));
         let states: Vec<String> = states.collect();
+        // A file of tracers has the name of the system, with which that of its stream begins.
         let is_tracers = |name: &str| {
-            info.streams.iter().any(|stream| stream.name == name && stream.kind == StreamKind::Tracers)
+            info.streams.iter().any(|stream| {
+                let rest = stream.name.strip_prefix(name);
+                stream.kind == StreamKind::Tracers
+                    && rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
+            })
         };
         let shown = |output: &OutputFiles| {
             if !output.frames.contains(index.0) {

@@ -5,7 +5,7 @@ use crate::{
     image::render::{Bounds, Model, Surface},
     job::RunError,
     math::Vec3,
-    mesh::Mesh,
+    mesh::{Mesh, try_unit},
     preset::assets,
     product::colliders::shown_mesh,
     sim::{deforming::deformation, scene::Scene},
@@ -255,7 +255,7 @@ pub(super) fn creased(mesh: &Mesh, colour: [f32; 3]) -> Surface {
     };
     let faces: Vec<Vec3> = mesh.triangles.iter().map(face).collect();
     let units: Vec<Vec3> =
-        faces.iter().map(|n| (n / n.amax()).try_normalize(0.0).unwrap_or_else(Vec3::zeros)).collect();
+        faces.iter().map(|n| try_unit(&(n / n.amax())).unwrap_or_else(Vec3::zeros)).collect();
     // The faces around each vertex.
     let mut starts = vec![0_u32; mesh.positions.len() + 1];
     let known = |triangle: &[u32; 3]| triangle.iter().all(|&v| (v as usize) < mesh.positions.len());
@@ -285,7 +285,7 @@ pub(super) fn creased(mesh: &Mesh, colour: [f32; 3]) -> Surface {
             let smooth = smooth.filter(|&other| units[other].dot(&units[number]) > CREASE);
             let sum: Vec3 = smooth.map(|other| faces[other]).sum();
             surface.positions.push(place(v));
-            surface.normals.push((sum / sum.amax()).try_normalize(0.0).unwrap_or(units[number]));
+            surface.normals.push(try_unit(&(sum / sum.amax())).unwrap_or(units[number]));
         }
         surface.triangles.push([first, first + 1, first + 2]);
     }
