@@ -33,6 +33,10 @@ mesh = ["ply"]
 """
 
 
+# A shell that runs the tests in the background ignores Ctrl-C in them, and in all that they start.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 @unittest.skipUnless(PROGRAM.is_file(), "a checkout has no program: install the wheel (docs/python.md)")
 class Program(unittest.TestCase):
     def setUp(self):

@@ -27,6 +27,10 @@ IS_INSTALLED = _native.PATH.is_file()
 SPACING = 0.05
 
 
+# A shell that runs the tests in the background ignores Ctrl-C in them, and in all that they start.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 def block(n=8, spacing=SPACING):
     """n³ particles as float32, slightly out of order."""
     grid = numpy.stack(numpy.meshgrid(*[numpy.arange(n)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
