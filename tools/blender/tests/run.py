@@ -112,9 +112,12 @@ def check_scenes(tally: Tally, work: Path, user: Path) -> None:
         print("LEFT OUT: scenes, since MENISCUS names no engine and none is on the PATH", flush=True)
         return
     os.environ["MENISCUS"] = os.path.abspath(program)
+    # Stages of scenes and shots have equal names.
+    scenes = work / "scenes"
+    scenes.mkdir()
     for script, names in SCENES.items():
         for name in names:
-            tally.stage(name, [work / name], user, script)
+            tally.stage(name, [scenes / name], user, script)
 
 
 def main() -> int:
