@@ -9,6 +9,9 @@ use crate::{
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, io::ErrorKind, path::PathBuf};
 
+/// The largest number of poses in the file of a motion, in which a pose takes about 80 bytes: nearly three hours at 24 frames a second.
+pub(crate) const MAX_POSES: u64 = 250_000;
+
 /// The manifest of a shot folder.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Manifest {

@@ -1,10 +1,10 @@
 //! Poses of rigid bodies in the frames of a cache.
 
-use super::motion::{MAX_POSES, MotionFile};
+use super::motion::MotionFile;
 use crate::{
     cache,
     frame::{Stream, StreamKind},
-    job::{RunError, batch::RequestedFrame},
+    job::{MAX_POSES, RunError, batch::RequestedFrame},
     math::Vec3,
     sim::{rigid::BodyParams, scene::Scene},
     solid::Look,

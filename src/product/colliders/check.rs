@@ -1,7 +1,8 @@
 //! Checks of the colliders of a preset, before its frames are simulated.
 
-use super::motion::{MAX_POSES, pose_count};
+use super::motion::pose_count;
 use crate::{
+    job::MAX_POSES,
     preset::{check::Places, problem::Finding},
     sim::scene::Scene,
 };

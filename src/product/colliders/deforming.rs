@@ -1,11 +1,10 @@
 //! Colliders that deform: a mesh, and a point cache of its vertices in the frames in which they move.
 
-use super::motion::MAX_POSES;
 use crate::{
     cache::WrittenFile,
     control::printable,
     export::pc2::{self, Head, Pc2Error},
-    job::RunError,
+    job::{MAX_POSES, RunError},
     math::Vec3,
     mesh::Mesh,
     preset::assets,

@@ -1,15 +1,12 @@
 //! Poses of a collider in whole frames, as the solvers evaluate them at the times of frames.
 
 use crate::{
-    job::RunError,
+    job::{MAX_POSES, RunError},
     solid::{Collider, Look, Motion, Pose},
 };
 use nalgebra::{Rotation3, UnitQuaternion};
 use serde::Serialize;
 use std::ops::RangeInclusive;
-
-/// The largest number of poses in a file, in which a pose takes about 80 bytes: nearly three hours at 24 frames a second.
-pub(super) const MAX_POSES: u64 = 250_000;
 
 /// The motion of a collider, as its file has it.
 #[derive(Clone, Debug, PartialEq, Serialize)]

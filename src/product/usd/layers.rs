@@ -15,7 +15,7 @@ use crate::{
     frame::FrameIndex,
     import::{PointCacheFile, parse_geometry},
     job::{
-        Control, FailedFrame, Failure, OutputFiles, RunError,
+        Control, FailedFrame, Failure, MAX_POSES, OutputFiles, RunError,
         batch::{Ledger, ProductFolder, file_size},
         file_records::{FileRecord, FileRecords, FileState},
     },
@@ -27,9 +27,6 @@ use std::io;
 
 /// The largest file of a motion [bytes], as readers of shots limit it.
 const MAX_MOTION: u64 = 32 << 20;
-
-/// The largest number of poses in a file.
-const MAX_POSES: usize = 250_000;
 
 /// Memory of making a layer over the size of the PLY file of its mesh: the file, its arrays, the faces around each vertex, and the
 /// normals of corners. It is counted, not measured: 440 bytes a vertex with two triangles, of which the smallest file has 38.
@@ -121,7 +118,7 @@ fn layer(
     };
     let is_hidden = motion.as_ref().is_some_and(|motion| motion.look == Look::Hidden);
     let count = output.frames.count();
-    if !(1..=MAX_POSES as u64).contains(&count) {
+    if !(1..=MAX_POSES).contains(&count) {
         let why =
             format!("found {count} frames of it in the manifest, expected 1 to {MAX_POSES}; make it again");
         return Err(fault(main, why));
@@ -138,7 +135,7 @@ fn layer(
     let opened =
         samples.map(|file| open(file).map_err(|error| fault(file, error.to_string()))).transpose()?;
     let count = opened.as_ref().map_or(0, |file| file.samples);
-    if count > MAX_POSES {
+    if count as u64 > MAX_POSES {
         let why =
             format!("found {count} samples, expected at most {MAX_POSES}; make it again with fewer frames");
         return Err(fault(samples.unwrap_or_default(), why));
@@ -231,7 +228,8 @@ fn motion(job: StageJob, file: &str) -> Result<MotionFile, LayerError> {
     let is_scaled = motion.scales.as_ref().is_none_or(|scales| {
         scales.len() == motion.poses.len() && scales.iter().all(|scale| (1e-6..=1e6).contains(scale))
     });
-    let has_poses = (1..=MAX_POSES).contains(&motion.poses.len()) && motion.poses.iter().all(is_pose);
+    let has_poses =
+        (1..=MAX_POSES).contains(&(motion.poses.len() as u64)) && motion.poses.iter().all(is_pose);
     if is_own && has_poses && is_scaled {
         return Ok(motion);
     }
