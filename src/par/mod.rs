@@ -39,15 +39,21 @@ pub fn with_threads<R: Send>(threads: usize, job: impl FnOnce() -> R + Send) -> 
     try_with_threads(threads, job).expect("the operating system starts the worker threads")
 }
 
+/// The operating system refused to start threads.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+pub struct ThreadsRefused(rayon::ThreadPoolBuildError);
+
 /// As [`with_threads`].
 ///
 /// # Errors
 /// If the operating system refuses to start the threads, as under a limit of processes.
-pub(crate) fn try_with_threads<R: Send>(
+pub fn try_with_threads<R: Send>(
     threads: usize,
     job: impl FnOnce() -> R + Send,
-) -> Result<R, rayon::ThreadPoolBuildError> {
-    Ok(rayon::ThreadPoolBuilder::new().num_threads(threads).build()?.install(job))
+) -> Result<R, ThreadsRefused> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(ThreadsRefused)?;
+    Ok(pool.install(job))
 }
 
 /// The number of threads that the current pool runs.

@@ -301,6 +301,23 @@ print("done")
             with self.subTest(name), self.assertRaisesRegex(mf.ParameterError, "expected a name other than position, velocity and radius"):
                 mf.reconstruct(self.positions, SPACING, attributes={name: self.positions})
 
+    @unittest.skipUnless(sys.platform == "linux", "limits of memory are Linux's")
+    def test_threads_that_the_system_refuses_are_reported(self):
+        script = """
+import resource
+import numpy
+import meniscus_fx as mf
+mf.reconstruct(numpy.zeros((1, 3)), 0.1)
+pages = int(open("/proc/self/statm").read().split()[0])
+resource.setrlimit(resource.RLIMIT_AS, ((pages << 12) + (256 << 20), resource.RLIM_INFINITY))
+try:
+    mf.reconstruct(numpy.zeros((1, 3)), 0.1, threads=1000)
+except mf.ParameterError as error:
+    print(error)
+"""
+        done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
+        self.assertRegex(done.stdout, "threads: the system refused to start 1000 .*pass fewer", done.stderr)
+
     def test_ctrl_c_stops_a_call(self):
         # The call stops after the pass that runs: density, anisotropy and smoothing take a second each at least.
         script = """

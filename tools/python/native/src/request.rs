@@ -52,12 +52,18 @@ impl Request<'_> {
         }
         // A pool for this call alone: the threads of a global one do not survive a fork of the interpreter.
         let make = || {
-            par::with_threads(self.threads, || mesh::reconstruct(&self.particles, spacing, &params, cancel))
+            par::try_with_threads(self.threads, || {
+                mesh::reconstruct(&self.particles, spacing, &params, cancel)
+            })
         };
         match catch_unwind(AssertUnwindSafe(make)) {
-            Ok(Ok(surface)) => Ok(surface),
-            Ok(Err(SurfaceError::Interrupted)) => Err(Failure::Interrupted),
-            Ok(Err(error)) => Err(Failure::Particles(error.to_string())),
+            Ok(Ok(Ok(surface))) => Ok(surface),
+            Ok(Ok(Err(SurfaceError::Interrupted))) => Err(Failure::Interrupted),
+            Ok(Ok(Err(error))) => Err(Failure::Particles(error.to_string())),
+            Ok(Err(refused)) => Err(Failure::Parameter(format!(
+                "threads: the system refused to start {} ({refused}); pass fewer, or allow more processes (`ulimit -u`)",
+                if self.threads == 0 { "one for every core".into() } else { self.threads.to_string() }
+            ))),
             Err(panic) => Err(Failure::Internal(panic_text(&*panic))),
         }
     }
