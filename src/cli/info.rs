@@ -2,7 +2,7 @@
 
 use super::{args::InfoArgs, output::print};
 use crate::run::{
-    self, FailedFrame, FrameState, Info, RunError, ShotFolder, Stage, Verification, frame_ranges,
+    self, FailedFrame, FrameState, Info, OutputInfo, RunError, ShotFolder, Stage, Verification, frame_ranges,
 };
 use std::collections::BTreeMap;
 
@@ -80,10 +80,12 @@ fn describe(info: &Info) -> String {
     lines.push(format!("cache      {:.1} MiB", bytes as f64 / f64::from(1 << 20)));
     lines.extend(info.total_lines());
     for output in &info.outputs {
-        lines.push(format!(
-            "{:<10} {} {} files, {} missing: {}",
-            output.kind, output.present, output.format, output.missing, output.pattern
-        ));
+        let OutputInfo { kind, format, pattern, is_per_frame, present, missing, .. } = output;
+        lines.push(match (is_per_frame, present) {
+            (true, _) => format!("{kind:<10} {present} {format} files, {missing} missing: {pattern}"),
+            (false, 0) => format!("{kind:<10} {format} missing: {pattern}"),
+            (false, frames) => format!("{kind:<10} {format} of {frames} frames: {pattern}"),
+        });
     }
     lines.extend(info.product_lines.iter().cloned());
     lines.join("\n")

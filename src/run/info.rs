@@ -76,7 +76,10 @@ pub(crate) struct OutputInfo {
     pub format: String,
     /// File name with the frame number as `{:04}`.
     pub pattern: String,
-    /// Files that are there.
+    /// Whether every frame has a file of its own.
+    #[serde(skip)]
+    pub is_per_frame: bool,
+    /// Files that are there; of a file for several frames, the frames that it has.
     pub present: usize,
     /// Files that should be there and are not.
     pub missing: u64,
@@ -216,6 +219,7 @@ fn output_info(output: &OutputFiles, folder: &ShotFolder) -> Result<OutputInfo, 
         name: output.name.clone(),
         format: output.format.clone(),
         pattern: output.pattern.clone(),
+        is_per_frame: output.is_per_frame(),
         present,
         missing: expected.saturating_sub(present as u64),
     })

@@ -34,7 +34,7 @@ pub(crate) use crate::{
 pub(crate) use bounds::{FrameBounds, bounds};
 pub(crate) use branch::NewBranch;
 pub(crate) use follow::follow;
-pub(crate) use info::{FrameState, Info, frame_ranges, info, is_shot};
+pub(crate) use info::{FrameState, Info, OutputInfo, frame_ranges, info, is_shot};
 pub(crate) use plan::{Outline, Plan, outline, plan, refuse_over_memory};
 pub(crate) use prepare::prepare;
 pub(crate) use products::make_products;

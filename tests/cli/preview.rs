@@ -60,7 +60,7 @@ fn a_shot_becomes_a_contact_sheet_a_loop_and_the_frames_that_are_selected() {
     assert_eq!(out.lines().filter(|line| line.starts_with("preview ")).count(), 3, "{out}");
     let (out, _) = desk.run("info small", 0);
     assert!(out.contains("preview    2 png files, 0 missing: preview/frame_{:04}.png"), "{out}");
-    assert!(out.contains("preview    5 webp files, 0 missing: preview/loop.webp"), "{out}");
+    assert!(out.contains("preview    webp of 5 frames: preview/loop.webp"), "{out}");
 
     // What is there is kept, whatever the threads; what is damaged or forced is made again, with the same bytes.
     let before = desk.bytes("small/preview");
