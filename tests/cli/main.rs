@@ -9,6 +9,8 @@ mod branch;
 mod colliders;
 mod couplings;
 mod deforming;
+#[cfg(unix)]
+mod documents;
 mod farm;
 mod forces;
 mod inflow;

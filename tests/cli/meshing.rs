@@ -24,7 +24,7 @@ pub(super) fn xyz(points: &[[f32; 3]]) -> String {
 }
 
 /// Legacy VTK as SPlisHSPlasH writes it: binary, big-endian.
-fn vtk(points: &[[f32; 3]]) -> Vec<u8> {
+pub(super) fn vtk(points: &[[f32; 3]]) -> Vec<u8> {
     let mut file = b"# vtk DataFile Version 4.1\nparticles\nBINARY\nDATASET UNSTRUCTURED_GRID\n".to_vec();
     file.extend(format!("POINTS {} float\n", points.len()).bytes());
     file.extend(points.iter().flatten().flat_map(|v| v.to_be_bytes()));
