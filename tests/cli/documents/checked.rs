@@ -66,6 +66,7 @@ pub(super) const CHECKED: &[Checked] = &[
     checked("docs/build.md", "tools/test", 1, Check::Script, "runs these tests"),
     checked("docs/build.md", "tools/soak/run", 1, Check::Script, "runs for hours"),
     checked("docs/eikonal.md", "tools/bench/", 1, Check::Script, BENCH),
+    checked("docs/eikonal.md", "meniscus tradeoff", 1, Check::DryRun, SEVERAL_RUNS),
     checked("docs/eikonal.md", "cargo bench", 1, Check::Cargo, BENCH),
     checked("docs/liquid.md", "meniscus shot dam-break", 2, Check::DryRun, AS_WRITTEN),
     checked("docs/paper.md", "tools/bench/", 2, Check::Script, BENCH),
