@@ -14,7 +14,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
-from . import scene, studio
+from . import reload, scene, studio
 from .check import check_cache, check_files
 from .folder import ShotFolder
 from .messages import ShotError, listed
@@ -76,10 +76,12 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
             motions = {collider: read_motion(files, collider.motion) for collider in shot.colliders}
             for collider, motion in motions.items():
                 check_cache(collider, motion, files)
-            all_made, solids = add_outputs(context, shot, files, folder, frames, motions)
+            made = add_outputs(context, shot, files, folder, frames, motions)
         except ShotError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
+        reload.mark(made, folder, "shot.json", self.path_mode)
+        all_made, solids = ([each for _, each in some] for some in (made.shown, made.solids))
         if self.set_scene:
             self.apply_frames(context.scene, shot)
         if self.motion_blur:
@@ -96,13 +98,15 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
             made.select_set(True)
             context.view_layer.objects.active = made
         if shot.skipped:
-            text = f"{shot.title}: not opened, no PLY mesh, no smoke and no sheet: {listed(shot.skipped)}"
+            text = f"{shot.title}: not opened, of a kind that Blender cannot show: {listed(shot.skipped)}"
             self.report({"WARNING"}, text)
         where = "relative to the .blend" if folder.startswith("//") else "absolute"
         count = sum(len(output.frames.numbers()) for output in (*shot.meshes, *shot.points, *shot.volumes, *shot.sheets))
         made = [(shot.meshes, "mesh sequence"), (shot.points, "point sequence"), (shot.volumes, "volume sequence"), (shot.sheets, "sheet")]
         made += [(shot.colliders, "collider")]
         kinds = ", ".join(f"{len(some)} {kind}(s)" for some, kind in made if some)
+        for text in hints(shot):
+            self.report({"INFO"}, text)
         self.report({"INFO"}, f"{shot.title}: {kinds}, {count} frames, paths {where}")
         return {"FINISHED"}
 
@@ -136,6 +140,16 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
             )
 
 
+def hints(shot: Shot) -> list[str]:
+    """What a user may not expect of the outputs of a shot."""
+    found = [f"{mesh.name}: OBJ has no velocities, so it has no motion blur; mesh it as PLY" for mesh in shot.meshes if mesh.is_obj]
+    hidden = [output.name for output in (*shot.points, *shot.volumes) if output.is_hidden]
+    if hidden:
+        found.append(f"{listed(hidden)}: hidden, since another object shows the same; unhide it in the outliner")
+    found += [f"{volume.name}: the surface of its level set is shown; it has no motion blur" for volume in shot.volumes if volume.has_surface]
+    return found
+
+
 def menu_item(self: bpy.types.Menu, _context: bpy.types.Context) -> None:
     self.layout.operator(IMPORT_SCENE_OT_meniscus_shot.bl_idname, text="Meniscus Shot (shot.json)")
 
@@ -143,10 +157,12 @@ def menu_item(self: bpy.types.Menu, _context: bpy.types.Context) -> None:
 def register() -> None:
     bpy.utils.register_class(IMPORT_SCENE_OT_meniscus_shot)
     bpy.types.TOPBAR_MT_file_import.append(menu_item)
+    reload.register()
     scene.register()
 
 
 def unregister() -> None:
     scene.unregister()
+    reload.unregister()
     bpy.types.TOPBAR_MT_file_import.remove(menu_item)
     bpy.utils.unregister_class(IMPORT_SCENE_OT_meniscus_shot)
