@@ -18,7 +18,7 @@ SHADOW_COLOUR = (0.80, 0.90, 0.94, 1.0)
 HONEY_NAME, HONEY_STAMP = "Honey", "meniscus_honey"
 HONEY_IOR, HONEY_ROUGHNESS = 1.49, 0.03
 # Blue light is gone after millimetres, green after centimetres: thin threads are yellow, a jar is amber.
-HONEY_COLOUR, HONEY_DENSITY = (0.94, 0.62, 0.04, 1.0), 90.0
+HONEY_COLOUR, HONEY_DENSITY = (0.97, 0.74, 0.10, 1.0), 60.0
 HONEY_SHADOW = (0.90, 0.55, 0.15, 1.0)
 
 LIQUIDS_NAME, LIQUIDS_STAMP = "Liquids", "meniscus_liquids"
