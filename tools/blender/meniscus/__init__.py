@@ -22,6 +22,9 @@ from .motion import read_motion
 from .outputs import add_outputs, check_paths, shot_folder
 from .shot import MAX_SCENE_FRAME, Shot, read_shot, scene_rate
 
+# More cost time and hardly change the picture.
+VOLUME_BOUNCES = 4
+
 
 class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
     """Open the mesh and volume sequences of a Meniscus shot folder"""
@@ -87,6 +90,7 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
         if self.motion_blur:
             context.scene.render.use_motion_blur = True
         self.choose_engine(context.scene)
+        self.scatter_light(context.scene, shot)
         if self.studio:
             span = (shot.frames.first, min(shot.frames.last, MAX_SCENE_FRAME))
             for text in studio.furnish(context, all_made, solids, span, shot.camera):
@@ -126,6 +130,13 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
                 self.report({"INFO"}, f"Render engine of {scene.name} changed from {before} to {name}")
             return
         self.report({"WARNING"}, f"This Blender has no {self.engine.title()}; the scene keeps its engine")
+
+    def scatter_light(self, scene: bpy.types.Scene, shot: Shot) -> None:
+        """Lets light scatter in smoke: without bounces, Blender's default, white smoke is nearly black inside."""
+        is_cycles = self.engine != "KEEP" and scene.render.engine == "CYCLES"
+        if is_cycles and any(not volume.is_hidden for volume in shot.volumes) and scene.cycles.volume_bounces == 0:
+            scene.cycles.volume_bounces = VOLUME_BOUNCES
+            self.report({"INFO"}, f"Volume bounces of {scene.name} changed from 0 to {VOLUME_BOUNCES}, so that smoke is not black")
 
     def apply_frames(self, scene: bpy.types.Scene, shot: Shot) -> None:
         """Frame range, rate and current frame of the shot."""

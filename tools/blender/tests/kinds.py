@@ -218,6 +218,7 @@ def stage_smoke_and_cloth(folder: Path) -> None:
     check({"smoke", "flag", "sphere"} <= set(kinds) and "flag.001" not in kinds, "smoke, sheet and collider are there, each once", kinds)
     fog = scene.objects["smoke"].data
     check((fog.velocity_grid, fog.velocity_unit) == ("velocity", "SECOND"), "fog has its velocities")
+    check(scene.cycles.volume_bounces == 4, "light scatters in smoke", scene.cycles.volume_bounces)
     places = point_cache(folder / "two/sheet/flag.pc2")[1]
     found = np.empty(places[0].size, np.float32)
     at_frame(scene.objects["flag"], FRAME).vertices.foreach_get("co", found)
