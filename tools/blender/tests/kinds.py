@@ -218,6 +218,9 @@ def stage_smoke_and_cloth(folder: Path) -> None:
     check({"smoke", "flag", "sphere"} <= set(kinds) and "flag.001" not in kinds, "smoke, sheet and collider are there, each once", kinds)
     fog = scene.objects["smoke"].data
     check((fog.velocity_grid, fog.velocity_unit) == ("velocity", "SECOND"), "fog has its velocities")
+    floor = np.array([vertex.co for vertex in scene.objects["plane"].data.vertices])
+    check(np.abs(floor[:, 2] + 0.5).max() < 1e-5, "a floor stays at its height", floor[:, 2])
+    check(np.ptp(floor[:, 0]) >= 200.0, "and reaches behind the horizon", np.ptp(floor[:, 0]))
     check(scene.cycles.volume_bounces == 4, "light scatters in smoke", scene.cycles.volume_bounces)
     places = point_cache(folder / "two/sheet/flag.pc2")[1]
     found = np.empty(places[0].size, np.float32)
