@@ -14,13 +14,16 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
-from . import scene, studio
+from . import reload, scene, studio
 from .check import check_cache, check_files
 from .folder import ShotFolder
 from .messages import ShotError, listed
 from .motion import read_motion
 from .outputs import add_outputs, check_paths, shot_folder
 from .shot import MAX_SCENE_FRAME, Shot, read_shot, scene_rate
+
+# More cost time and hardly change the picture.
+VOLUME_BOUNCES = 4
 
 
 class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
@@ -76,15 +79,18 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
             motions = {collider: read_motion(files, collider.motion) for collider in shot.colliders}
             for collider, motion in motions.items():
                 check_cache(collider, motion, files)
-            all_made, solids = add_outputs(context, shot, files, folder, frames, motions)
+            made = add_outputs(context, shot, files, folder, frames, motions)
         except ShotError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
+        reload.mark(made, folder, "shot.json", self.path_mode)
+        all_made, solids = ([each for _, each in some] for some in (made.shown, made.solids))
         if self.set_scene:
             self.apply_frames(context.scene, shot)
         if self.motion_blur:
             context.scene.render.use_motion_blur = True
         self.choose_engine(context.scene)
+        self.scatter_light(context.scene, shot)
         if self.studio:
             span = (shot.frames.first, min(shot.frames.last, MAX_SCENE_FRAME))
             for text in studio.furnish(context, all_made, solids, span, shot.camera):
@@ -96,13 +102,15 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
             made.select_set(True)
             context.view_layer.objects.active = made
         if shot.skipped:
-            text = f"{shot.title}: not opened, no PLY mesh, no smoke and no sheet: {listed(shot.skipped)}"
+            text = f"{shot.title}: not opened, of a kind that Blender cannot show: {listed(shot.skipped)}"
             self.report({"WARNING"}, text)
         where = "relative to the .blend" if folder.startswith("//") else "absolute"
         count = sum(len(output.frames.numbers()) for output in (*shot.meshes, *shot.points, *shot.volumes, *shot.sheets))
         made = [(shot.meshes, "mesh sequence"), (shot.points, "point sequence"), (shot.volumes, "volume sequence"), (shot.sheets, "sheet")]
         made += [(shot.colliders, "collider")]
         kinds = ", ".join(f"{len(some)} {kind}(s)" for some, kind in made if some)
+        for text in hints(shot):
+            self.report({"INFO"}, text)
         self.report({"INFO"}, f"{shot.title}: {kinds}, {count} frames, paths {where}")
         return {"FINISHED"}
 
@@ -123,6 +131,13 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
             return
         self.report({"WARNING"}, f"This Blender has no {self.engine.title()}; the scene keeps its engine")
 
+    def scatter_light(self, scene: bpy.types.Scene, shot: Shot) -> None:
+        """Lets light scatter in smoke: without bounces, Blender's default, white smoke is nearly black inside."""
+        is_cycles = self.engine != "KEEP" and scene.render.engine == "CYCLES"
+        if is_cycles and any(not volume.is_hidden for volume in shot.volumes) and scene.cycles.volume_bounces == 0:
+            scene.cycles.volume_bounces = VOLUME_BOUNCES
+            self.report({"INFO"}, f"Volume bounces of {scene.name} changed from 0 to {VOLUME_BOUNCES}, so that smoke is not black")
+
     def apply_frames(self, scene: bpy.types.Scene, shot: Shot) -> None:
         """Frame range, rate and current frame of the shot."""
         scene.render.fps, scene.render.fps_base = scene_rate(shot.fps)
@@ -136,6 +151,16 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
             )
 
 
+def hints(shot: Shot) -> list[str]:
+    """What a user may not expect of the outputs of a shot."""
+    found = [f"{mesh.name}: OBJ has no velocities, so it has no motion blur; mesh it as PLY" for mesh in shot.meshes if mesh.is_obj]
+    hidden = [output.name for output in (*shot.points, *shot.volumes) if output.is_hidden]
+    if hidden:
+        found.append(f"{listed(hidden)}: hidden, since another object shows the same; unhide it in the outliner")
+    found += [f"{volume.name}: the surface of its level set is shown; it has no motion blur" for volume in shot.volumes if volume.has_surface]
+    return found
+
+
 def menu_item(self: bpy.types.Menu, _context: bpy.types.Context) -> None:
     self.layout.operator(IMPORT_SCENE_OT_meniscus_shot.bl_idname, text="Meniscus Shot (shot.json)")
 
@@ -143,10 +168,12 @@ def menu_item(self: bpy.types.Menu, _context: bpy.types.Context) -> None:
 def register() -> None:
     bpy.utils.register_class(IMPORT_SCENE_OT_meniscus_shot)
     bpy.types.TOPBAR_MT_file_import.append(menu_item)
+    reload.register()
     scene.register()
 
 
 def unregister() -> None:
     scene.unregister()
+    reload.unregister()
     bpy.types.TOPBAR_MT_file_import.remove(menu_item)
     bpy.utils.unregister_class(IMPORT_SCENE_OT_meniscus_shot)

@@ -2,14 +2,17 @@
 """Checks every file of a shot that Blender will open: it exists, is inside the folder, and has a header that is true."""
 
 from collections.abc import Callable
+from itertools import islice
 
 from .folder import ShotFolder
-from .headers import MAX_COUNT, PointCache, check_pc2, check_ply
-from .messages import REMAKE, ShotError, printable
+from .headers import MAX_COUNT, PointCache, check_obj, check_pc2, check_ply
+from .messages import REMAKE, ShotError, printable, spans
 from .motion import Motion
-from .shot import FRAME_NUMBER, MAX_SCENE_FRAME, ColliderOutput, PointsOutput, SequenceOutput, SheetOutput, Shot, VolumeOutput
+from .shot import FRAME_NUMBER, MAX_SCENE_FRAME, ColliderOutput, MeshOutput, PointsOutput, SequenceOutput, SheetOutput, Shot, VolumeOutput
 from .vdb import check_vdb
 
+# Missing frames that a message lists.
+MAX_MISSING = 1000
 MISSING = "Run `meniscus shot` again; it makes what is missing"
 
 
@@ -67,19 +70,22 @@ def check_sequence(output: SequenceOutput, folder: ShotFolder, warn: Callable[[s
     for frame in found:
         if is_volume:
             check_vdb(folder, output.path(frame))
+        elif isinstance(output, MeshOutput) and output.is_obj:
+            check_obj(folder, output.path(frame))
         else:
             check_ply(folder, output.path(frame), has_faces=not isinstance(output, PointsOutput))
     if is_volume and output.frames.step > 1:
         warn(f"{output.name}: only every frame number {output.frames.step} has a volume; the others show nothing")
     present = [frame for frame in found if frame in wanted]
-    missing = len(wanted) - len(present)
-    if missing:
-        # The files that exist come in ascending order: the first gap is where they leave the frames of the sequence.
-        first = next((frame for frame, other in zip(wanted, present) if frame != other), None)
-        first = wanted[len(present)] if first is None else first
-        file = printable(folder.full(output.path(first)))
-        text = f"{output.name}: {missing} of {len(wanted)} files missing, first {file}. {MISSING}"
+    if len(present) < len(wanted):
+        there = set(present)
+        # Only as many as are shown: shot.json may count frames by the milliard.
+        missing = list(islice((frame for frame in wanted if frame not in there), MAX_MISSING))
+        file = printable(folder.full(output.path(missing[0])))
+        count = len(wanted) - len(present)
+        which = spans(missing, output.frames.step) + (", …" if count > len(missing) else "")
+        text = f"{output.name}: {count} of {len(wanted)} files missing, first {file}. {MISSING}"
         if not present:
             raise ShotError(text)
-        warn(f"{text}. Until then these frames are empty")
+        warn(f"{text}. Until then these frames are empty: {which}")
     return present

@@ -7,12 +7,15 @@ Keyframes are linear between whole frames, so Cycles blurs a collider along its 
 from math import radians
 
 import bpy
+from mathutils import Matrix, Vector
 
 from .material import own
 from .motion import Motion
 from .sheets import read_mesh
 from .shot import ColliderOutput
 
+# Size of a plane over that of the square in its file.
+PLANE_SIZE = 20.0
 # Faces that meet at a larger angle have an edge.
 EDGE_ANGLE = radians(30.0)
 MATTE_NAME, MATTE_STAMP = "Collider", "meniscus_collider"
@@ -33,6 +36,9 @@ def add_collider(collider: ColliderOutput, mesh: str, motion: Motion) -> bpy.typ
     """A new object that shows one collider, in no collection yet. Raises ShotError."""
     made = read_mesh(collider.name, mesh)
     made.data.set_sharp_from_angle(angle=EDGE_ANGLE)
+    if motion.shape == "plane":
+        # The file has a square of a plane without an edge: what it shows should end behind the horizon.
+        enlarge(made.data, PLANE_SIZE)
     matte_of_shape = ground if motion.shape == "plane" else matte
     made.data.materials.append(glass() if motion.look == "glass" else matte_of_shape())
     made.hide_render = made.hide_viewport = motion.look == "hidden"
@@ -42,6 +48,12 @@ def add_collider(collider: ColliderOutput, mesh: str, motion: Motion) -> bpy.typ
     if motion.scales or any(pose != motion.poses[0] for pose in motion.poses):
         animate(made, motion)
     return made
+
+
+def enlarge(mesh: bpy.types.Mesh, factor: float) -> None:
+    """Scales a mesh about the mean of its vertices: a plane stays in its plane."""
+    middle = sum((vertex.co for vertex in mesh.vertices), Vector()) / len(mesh.vertices)
+    mesh.transform(Matrix.Translation(middle) @ Matrix.Scale(factor, 4) @ Matrix.Translation(-middle))
 
 
 def animate(made: bpy.types.Object, motion: Motion) -> None:

@@ -14,7 +14,7 @@ from .messages import REMAKE, ShotError, printable
 # A listing of this size takes a second.
 MAX_LISTED_FILES = 1_000_000
 # What has such a name must be a file.
-EXTENSIONS = (".ply", ".vdb", ".pc2", ".json")
+EXTENSIONS = (".ply", ".obj", ".vdb", ".pc2", ".json")
 
 
 def open_regular(path: str | Path) -> BinaryIO:

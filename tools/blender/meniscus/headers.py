@@ -20,6 +20,7 @@ PLY = re.compile(
     rb"((?:property double [xyz]\n){3})?((?:property (?:float|uint) [!-~]+\n)*)"
     rb"(?:element face (\d{1,10})\nproperty list uchar uint vertex_indices\n)?end_header\n"
 )
+OBJ_MARK = b"# Meniscus: metres, Z up"
 FACE_BYTES = 13
 PC2 = struct.Struct("<12siiffi")
 
@@ -66,6 +67,13 @@ def check_ply(folder: ShotFolder, path: str, has_faces: bool = True) -> int:
     if size != expected:
         raise damaged(folder, path, f"{size} bytes, expected {expected} for {vertices} vertices and {faces} faces")
     return vertices
+
+
+def check_obj(folder: ShotFolder, path: str) -> None:
+    """Raises ShotError unless a mesh as text has the first line that `meniscus` writes; as text it allocates what its size allows."""
+    start, _ = head(folder, path, len(OBJ_MARK))
+    if start != OBJ_MARK:
+        raise damaged(folder, path, f"starts with {shortened(start)}, expected the first line of an OBJ as `meniscus` writes it")
 
 
 def check_pc2(folder: ShotFolder, path: str, wanted: PointCache) -> None:

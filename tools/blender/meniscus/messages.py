@@ -35,3 +35,14 @@ def listed(names: list[str]) -> str:
     """The first names of a list, and how many follow."""
     more = len(names) - MAX_LISTED_NAMES
     return ", ".join(names[:MAX_LISTED_NAMES]) + (f" and {more} more" if more > 0 else "")
+
+
+def spans(numbers: list[int], step: int = 1) -> str:
+    """Ascending numbers as text, runs in which each is `step` after the one before as first-last."""
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and number - runs[-1][1] == step:
+            runs[-1][1] = number
+        else:
+            runs.append([number, number])
+    return listed([f"{first}-{last}" if last > first else str(first) for first, last in runs])

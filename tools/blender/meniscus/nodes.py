@@ -1,16 +1,37 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""The geometry node group that reads a mesh sequence; a saved file needs neither add-on nor scripts.
+"""The geometry node groups that read sequences of meshes and points; a saved file needs neither add-on nor scripts.
 
-Scene Time → whole frame → clamped to the sequence → back to the last frame on its step → Format String
-→ Import PLY → `velocity` from vx, vy, vz → smooth shading, or for droplets points of their `radius` → material. Cycles takes `velocity` in metres a
-second and divides by the scene's frame rate, so the attribute holds the file's values unchanged.
+Scene Time → whole frame → clamped to the sequence → back to the last frame on its step → Format String → Import PLY or OBJ
+→ `velocity` from vx, vy, vz → for surfaces `colour` by `source`, smooth shading; for points balls of their `radius`, or
+instances → material. Cycles takes `velocity` in metres a second and divides by the scene's frame rate, so the attribute
+holds the file's values unchanged.
 """
+
+from dataclasses import dataclass
 
 import bpy
 
-NAME, STAMP = "Meniscus Sequence", "meniscus_sequence"
-POINTS_NAME, POINTS_STAMP = "Meniscus Points", "meniscus_points"
-REVISION = 1
+NAME = "Meniscus Sequence"
+REVISION = 2
+COLOUR = "colour"
+
+
+@dataclass(frozen=True)
+class Reader:
+    """A node group for one kind of file."""
+
+    name: str
+    stamp: str
+    # The node that reads a file.
+    node: str
+    is_points: bool = False
+
+
+SURFACE = Reader(NAME, "meniscus_sequence", "GeometryNodeImportPLY")
+OBJ = Reader("Meniscus OBJ Sequence", "meniscus_obj", "GeometryNodeImportOBJ")
+POINTS = Reader("Meniscus Points", "meniscus_points", "GeometryNodeImportPLY", is_points=True)
+READERS = (SURFACE, OBJ, POINTS)
+
 INPUTS = [
     (
         "Files",
@@ -23,21 +44,42 @@ INPUTS = [
     ("Velocity", "NodeSocketBool", "Make `velocity` [m/s] from vx, vy and vz, for motion blur in Cycles"),
     ("Material", "NodeSocketMaterial", "Material of the surface"),
 ]
+# Of the liquids of a surface, by the number of their source: inks that stay apart when they mix.
+COLOURS = [
+    (0.03, 0.22, 0.62, 1.0),
+    (0.80, 0.10, 0.05, 1.0),
+    (0.85, 0.55, 0.04, 1.0),
+    (0.05, 0.45, 0.16, 1.0),
+    (0.35, 0.06, 0.45, 1.0),
+    (0.75, 0.75, 0.72, 1.0),
+]
+COLOUR_INPUTS = [
+    ("Colours", "NodeSocketBool", "Make `colour` from `source`, the number of the source that liquid comes from"),
+    *(
+        (f"Colour {index + 1}", "NodeSocketColor", f"Colour of the liquid of source {index}, and of every {len(COLOURS)}th after it")
+        for index in range(len(COLOURS))
+    ),
+]
+INSTANCE_INPUTS = [
+    ("Instances", "NodeSocketBool", "Show the object below at every point, in place of a ball. Instances have no motion blur"),
+    ("Instance", "NodeSocketObject", "Object of radius 1 about its origin; it is scaled by each point's radius"),
+]
 
 
-def sequence_group(is_points: bool = False) -> bpy.types.NodeTree:
-    """The group of this revision for surfaces or for points: the file's own if it has one, else a new one."""
-    name, stamp = (POINTS_NAME, POINTS_STAMP) if is_points else (NAME, STAMP)
+def sequence_group(reader: Reader = SURFACE) -> bpy.types.NodeTree:
+    """The group of this revision for one kind of file: the .blend's own if it has one, else a new one."""
     for group in bpy.data.node_groups:
-        if group.get(stamp) == REVISION and group.is_editable:
+        if group.get(reader.stamp) == REVISION and group.is_editable:
             return group
-    group = bpy.data.node_groups.new(name, "GeometryNodeTree")
-    group[stamp] = REVISION
+    group = bpy.data.node_groups.new(reader.name, "GeometryNodeTree")
+    group[reader.stamp] = REVISION
     group.is_modifier = True
     group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
-    for name, kind, text in INPUTS:
-        group.interface.new_socket(name, description=text, in_out="INPUT", socket_type=kind)
-    Builder(group).build(is_points)
+    for name, kind, text in INPUTS + (INSTANCE_INPUTS if reader.is_points else COLOUR_INPUTS if reader == SURFACE else []):
+        socket = group.interface.new_socket(name, description=text, in_out="INPUT", socket_type=kind)
+        if kind == "NodeSocketColor":
+            socket.default_value = COLOURS[int(name.removeprefix("Colour ")) - 1]
+    Builder(group).build(reader)
     return group
 
 
@@ -54,6 +96,16 @@ def set_input(modifier: bpy.types.NodesModifier, identifier: str, value: object)
         getattr(modifier.properties.inputs, identifier).value = value
     else:
         modifier[identifier] = value
+
+
+def get_input(modifier: bpy.types.NodesModifier, name: str) -> object:
+    """One group input of a modifier by its name; None if the group has none."""
+    for item in modifier.node_group.interface.items_tree:
+        if item.item_type == "SOCKET" and item.in_out == "INPUT" and item.name == name:
+            if hasattr(modifier, "properties"):
+                return getattr(modifier.properties.inputs, item.identifier).value
+            return modifier.get(item.identifier)
+    return None
 
 
 class Builder:
@@ -84,7 +136,18 @@ class Builder:
     def attribute(self, name: str, row: int):
         return self.node("GeometryNodeInputNamedAttribute", name, data_type="FLOAT", row=row).outputs[0]
 
-    def build(self, is_points: bool) -> None:
+    def store(self, geometry: object, name: str, kind: str, value: object):
+        """The geometry with a point attribute."""
+        node = self.node("GeometryNodeStoreNamedAttribute", data_type=kind, domain="POINT")
+        node.inputs["Name"].default_value = name
+        self.group.links.new(geometry, node.inputs["Geometry"])
+        self.group.links.new(value, node.inputs["Value"])
+        return node.outputs[0]
+
+    def choice(self, is_chosen: object, otherwise: object, chosen: object):
+        return self.node("GeometryNodeSwitch", is_chosen, otherwise, chosen, input_type="GEOMETRY").outputs[0]
+
+    def build(self, reader: Reader) -> None:
         given = self.node("NodeGroupInput").outputs
 
         # Sub-frames of motion blur belong to the frame that they surround.
@@ -105,25 +168,46 @@ class Builder:
         text = self.node("FunctionNodeFormatString", given["Files"])
         text.format_items.new("INT", "Frame")
         self.group.links.new(frame, text.inputs["Frame"])
-        mesh = self.node("GeometryNodeImportPLY", text.outputs[0]).outputs[0]
+        mesh = self.node(reader.node, text.outputs[0]).outputs[0]
+        if reader == OBJ:
+            mesh = self.node("GeometryNodeRealizeInstances", mesh).outputs[0]
 
         # Cycles blurs along the point attribute `velocity`.
         parts = [self.attribute(name, 2 + axis) for axis, name in enumerate(("vx", "vy", "vz"))]
         vector = self.node("ShaderNodeCombineXYZ", *parts, row=2).outputs[0]
-        moving = self.node("GeometryNodeStoreNamedAttribute", data_type="FLOAT_VECTOR", domain="POINT")
-        moving.inputs["Name"].default_value = "velocity"
-        self.group.links.new(mesh, moving.inputs["Geometry"])
-        self.group.links.new(vector, moving.inputs["Value"])
-        choice = self.node(
-            "GeometryNodeSwitch", given["Velocity"], mesh, moving.outputs[0], input_type="GEOMETRY"
-        )
+        mesh = self.choice(given["Velocity"], mesh, self.store(mesh, "velocity", "FLOAT_VECTOR", vector))
 
-        # The surface is smooth; points are balls of their own radius. Either has its material.
-        if is_points:
-            radius = self.attribute("radius", 2)
-            shown = self.node("GeometryNodeMeshToPoints", choice.outputs[0], mode="VERTICES")
-            self.group.links.new(radius, shown.inputs["Radius"])
-        else:
-            shown = self.node("GeometryNodeSetShadeSmooth", choice.outputs[0], True, True, domain="FACE")
-        done = self.node("GeometryNodeSetMaterial", shown.outputs[0], True, given["Material"]).outputs[0]
-        self.node("NodeGroupOutput", done)
+        # The surface is smooth; points are balls of their own radius, or instances, which have their own material.
+        if reader.is_points:
+            self.node("NodeGroupOutput", self.points(given, mesh))
+            return
+        if reader == SURFACE:
+            mesh = self.coloured(given, mesh)
+        smooth = self.node("GeometryNodeSetShadeSmooth", mesh, True, True, domain="FACE").outputs[0]
+        self.node("NodeGroupOutput", self.material(given, smooth))
+
+    def material(self, given: object, shown: object):
+        return self.node("GeometryNodeSetMaterial", shown, True, given["Material"]).outputs[0]
+
+    def coloured(self, given: object, mesh: object):
+        """The surface with the colours of its liquids, which blend between vertices of different sources."""
+        number = self.node("FunctionNodeFloatToInt", self.attribute("source", 2), rounding_mode="ROUND", row=2).outputs[0]
+        number = self.integer("MODULO", number, len(COLOURS), "Colours repeat")
+        chosen = self.node("GeometryNodeIndexSwitch", number, data_type="RGBA", row=2)
+        while len(chosen.index_switch_items) < len(COLOURS):
+            chosen.index_switch_items.new()
+        for index in range(len(COLOURS)):
+            self.group.links.new(given[f"Colour {index + 1}"], chosen.inputs[1 + index])
+        return self.choice(given["Colours"], mesh, self.store(mesh, COLOUR, "FLOAT_COLOR", chosen.outputs[0]))
+
+    def points(self, given: object, mesh: object):
+        """Points with their radius, or an object at each, scaled by that."""
+        radius = self.attribute("radius", 2)
+        balls = self.node("GeometryNodeMeshToPoints", mesh, mode="VERTICES")
+        self.group.links.new(radius, balls.inputs["Radius"])
+        shape = self.node("GeometryNodeObjectInfo", given["Instance"], row=1)
+        shape.inputs["As Instance"].default_value = True
+        many = self.node("GeometryNodeInstanceOnPoints", balls.outputs[0])
+        self.group.links.new(shape.outputs["Geometry"], many.inputs["Instance"])
+        self.group.links.new(radius, many.inputs["Scale"])
+        return self.choice(given["Instances"], self.material(given, balls.outputs[0]), many.outputs[0])

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """Objects that show the outputs of a shot: new ones for each sequence, sheet and collider, and paths as Blender holds them."""
 
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import bpy
@@ -9,7 +10,8 @@ from . import colliders, material, nodes, sheets, volumes
 from .folder import ShotFolder
 from .messages import ShotError, printable
 from .motion import Motion
-from .shot import ColliderOutput, MeshOutput, PointsOutput, SequenceOutput, Shot, below, format_string
+from .shot import ColliderOutput, MeshOutput, PointsOutput, SequenceOutput, SheetOutput, Shot, VolumeOutput, below, format_string
+from .viscosity import THICK
 
 # Blender's FILE_MAX, with the zero at the end.
 MAX_PATH_BYTES = 1024
@@ -48,6 +50,23 @@ def check_paths(shot: Shot, folder: str) -> None:
             raise ShotError(f"{printable(full)}: {text}")
 
 
+@dataclass
+class Made:
+    """What an import has made: objects of outputs, and those of colliders; each with the key of its output."""
+
+    shown: list[tuple[str, bpy.types.Object]] = field(default_factory=list)
+    solids: list[tuple[str, bpy.types.Object]] = field(default_factory=list)
+
+    def all(self) -> list[tuple[str, bpy.types.Object]]:
+        return [*self.shown, *self.solids]
+
+
+def key_of(output: MeshOutput | PointsOutput | VolumeOutput | SheetOutput | ColliderOutput, surface: bool = False) -> str:
+    """What names an output among those of its shot; `surface` that of a volume's level set."""
+    kinds = {MeshOutput: "mesh", PointsOutput: "points", VolumeOutput: "volume", SheetOutput: "sheet", ColliderOutput: "collider"}
+    return f"{'level_set' if surface else kinds[type(output)]}:{output.name}"
+
+
 def add_outputs(
     context: bpy.types.Context,
     shot: Shot,
@@ -55,39 +74,73 @@ def add_outputs(
     folder: str,
     frames: dict[SequenceOutput, list[int]],
     motions: dict[ColliderOutput, Motion],
-) -> tuple[list[bpy.types.Object], list[bpy.types.Object]]:
-    """New objects in the active collection, one for each output, and those of colliders; all or none. Raises ShotError."""
-    all_made, solids = [], []
+) -> Made:
+    """New objects in the active collection, for every output; all or none. Raises ShotError."""
+    made = Made()
     try:
         for output in (*shot.meshes, *shot.points):
-            all_made.append(add_object(output, format_string(below(folder, output.pattern))))
+            made.shown.append((key_of(output), add_object(output, format_string(below(folder, output.pattern)), shot.viscosity)))
         for output in shot.volumes:
-            all_made.append(volumes.add_volume(context, output, folder, frames[output]))
+            volume, *surface = volumes.add_volume(context, output, folder, frames[output], lambda: liquid(shot.viscosity))
+            made.shown.append((key_of(output), volume))
+            made.shown += [(key_of(output, surface=True), each) for each in surface]
         for sheet in shot.sheets:
-            all_made.append(sheets.add_sheet(sheet, files.full(sheet.rest), below(folder, sheet.cache)))
+            made.shown.append((key_of(sheet), sheets.add_sheet(sheet, files.full(sheet.rest), below(folder, sheet.cache))))
         for collider, motion in motions.items():
-            made = colliders.add_collider(collider, files.full(collider.mesh), motion)
-            solids.append(made)
-            if collider.cache and motion.cache_frames:
-                sheets.deform(made, below(folder, collider.cache), motion.cache_frames[0])
+            made.solids.append((key_of(collider), add_solid(collider, motion, files, folder)))
     except ShotError:
-        for made in (*all_made, *solids):
-            bpy.data.objects.remove(made)
+        for _, each in made.all():
+            bpy.data.objects.remove(each)
         raise
     # Last: with every object in the scene, each new one would evaluate all before it again.
-    for made in (*all_made, *solids):
-        context.collection.objects.link(made)
-    return all_made, solids
+    for _, each in made.all():
+        context.collection.objects.link(each)
+    return made
 
 
-def add_object(mesh: MeshOutput | PointsOutput, files: str) -> bpy.types.Object:
+def add_solid(collider: ColliderOutput, motion: Motion, files: ShotFolder, folder: str) -> bpy.types.Object:
+    """A new object that shows a collider or a body, in no collection yet. Raises ShotError."""
+    made = colliders.add_collider(collider, files.full(collider.mesh), motion)
+    if collider.cache and motion.cache_frames:
+        sheets.deform(made, below(folder, collider.cache), motion.cache_frames[0])
+    return made
+
+
+def add_object(mesh: MeshOutput | PointsOutput, files: str, viscosity: float = 0.0) -> bpy.types.Object:
     """A new object that shows one sequence, in no collection yet."""
     made = bpy.data.objects.new(mesh.name, bpy.data.meshes.new(mesh.name))
     modifier = made.modifiers.new(nodes.NAME, "NODES")
-    modifier.node_group = nodes.sequence_group(isinstance(mesh, PointsOutput))
-    is_foam = isinstance(mesh, PointsOutput) and mesh.is_whitewater
-    shown = material.foam() if is_foam else material.water()
+    modifier.node_group = nodes.sequence_group(reader_of(mesh))
+    shown = material_of(mesh, viscosity)
     made.data.materials.append(shown)
-    values = {"Files": files, "First": mesh.frames.first, "Last": mesh.frames.last, "Step": mesh.frames.step}
-    nodes.set_inputs(modifier, values | {"Velocity": mesh.has_velocity, "Material": shown})
+    nodes.set_inputs(modifier, inputs_of(mesh, files) | {"Material": shown})
+    made.hide_render = made.hide_viewport = isinstance(mesh, PointsOutput) and mesh.is_hidden
     return made
+
+
+def reader_of(mesh: MeshOutput | PointsOutput) -> nodes.Reader:
+    if isinstance(mesh, PointsOutput):
+        return nodes.POINTS
+    return nodes.OBJ if mesh.is_obj else nodes.SURFACE
+
+
+def inputs_of(mesh: MeshOutput | PointsOutput, files: str) -> dict[str, object]:
+    """The inputs of a modifier that follow from the output alone."""
+    values = {"Files": files, "First": mesh.frames.first, "Last": mesh.frames.last, "Step": mesh.frames.step}
+    return values | {"Velocity": mesh.has_velocity, "Colours": isinstance(mesh, MeshOutput) and mesh.has_source}
+
+
+def material_of(mesh: MeshOutput | PointsOutput, viscosity: float) -> bpy.types.Material:
+    """What a sequence looks like: cloth, foam, liquids of several colours, honey, or water."""
+    if isinstance(mesh, PointsOutput):
+        if mesh.is_tracers:
+            return material.tracers()
+        return material.foam() if mesh.is_whitewater else liquid(viscosity)
+    if mesh.is_sheet:
+        return sheets.cloth()
+    return material.liquids() if mesh.has_source else liquid(viscosity)
+
+
+def liquid(viscosity: float) -> bpy.types.Material:
+    """Honey or water, by the dynamic viscosity [Pa·s]."""
+    return material.honey() if viscosity >= THICK else material.water()

@@ -9,18 +9,22 @@ import json
 import math
 import os
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from .folder import read_limited
 from .messages import ShotError, listed, printable, shortened
+from .viscosity import read_viscosity
 
 FORMAT = "meniscus-shot"
 VERSION = 1
 FRAME_NUMBER = "{:04}"
 VELOCITY = ["vx", "vy", "vz"]
-# Kinds of outputs for people, of which the user need not know that Blender does not open them.
-PICTURES = ("preview", "report")
+# Kinds of outputs that show what other outputs show: the user need not know that Blender does not open them.
+OTHER_FORMS = ("preview", "report", "usd")
+MESH_FORMATS = ("ply", "obj")
+# Grids of volumes that can be shown: fog, level sets, and what whitewater fills.
+FOG, LEVEL_SET, WHITEWATER = "density", "surface", ("spray", "foam", "bubbles")
 
 # A shot has some hundred bytes for each output; a list of 1000 outputs has half a megabyte.
 MAX_MANIFEST_BYTES = 4 << 20
@@ -65,19 +69,43 @@ class SequenceOutput:
         return self.pattern.replace(FRAME_NUMBER, f"{frame:04}")
 
 
+@dataclass(frozen=True)
 class MeshOutput(SequenceOutput):
-    """A sequence of PLY files."""
+    """A sequence of PLY or OBJ files: of a surface, whose vertices may have the number of their `source`, or of a sheet."""
+
+    has_source: bool = False
+    is_sheet: bool = False
+
+    @property
+    def is_obj(self) -> bool:
+        return self.pattern.endswith(".obj")
 
 
 @dataclass(frozen=True)
 class PointsOutput(SequenceOutput):
-    """A sequence of PLY files of points, each with a `radius`: droplets, or whitewater, which has a `kind`."""
+    """A sequence of PLY files of points, each with a `radius`: droplets, tracers of smoke, or whitewater, which has a `kind`."""
 
     is_whitewater: bool
+    # Whether another output shows the same.
+    is_hidden: bool = False
+
+    @property
+    def is_tracers(self) -> bool:
+        return self.pattern.startswith("points/")
 
 
+@dataclass(frozen=True)
 class VolumeOutput(SequenceOutput):
     """A sequence of OpenVDB files."""
+
+    grids: tuple[str, ...]
+    # Whether another output shows the same.
+    is_hidden: bool = False
+
+    @property
+    def has_surface(self) -> bool:
+        """Whether the level set of a liquid is what it shows."""
+        return LEVEL_SET in self.grids and not self.is_hidden
 
 
 @dataclass(frozen=True)
@@ -124,6 +152,8 @@ class Shot:
     sheets: list[SheetOutput]
     colliders: list[ColliderOutput]
     skipped: list[str]
+    # Of the liquid by the preset in the folder [Pa·s]; 0 if it has none.
+    viscosity: float
 
     def last_frame(self) -> int:
         """The last frame of the shot and of all outputs."""
@@ -176,7 +206,8 @@ class Validator:
         title = printable(title or os.path.basename(self.path.parent), 100)
         frames = self.frames('"frames"', data.get("frames"))
         camera = self.camera(data.get("camera"))
-        return Shot(self.path.parent, title, float(fps), frames, camera, *self.outputs(data.get("outputs")))
+        outputs = self.outputs(data.get("outputs"))
+        return Shot(self.path.parent, title, float(fps), frames, camera, *outputs, read_viscosity(self.path.parent))
 
     def camera(self, camera: object) -> CameraPlace | None:
         """The camera, if the shot names one."""
@@ -221,34 +252,55 @@ class Validator:
                 if not isinstance(output.get(part), str):
                     raise self.error(f'"outputs"[{index}] "{part}"', output.get(part), "a text")
         meshes, points, volumes, sheets, colliders, skipped = [], [], [], [], [], []
-        meshed = {o["name"] for o in outputs if (o["kind"], o["format"]) == ("mesh", "ply")}
-        moved = {o["name"] for o in outputs if (o["kind"], o["format"]) == ("sheet", "pc2")}
+        known = {(o["kind"], o["format"], o["name"]) for o in outputs}
         for index, output in enumerate(outputs):
             key, kind, name = f'"outputs"[{index}]', (output["kind"], output["format"]), output["name"]
             grids = self.grids(key, output) if kind == ("volume", "vdb") else []
-            if kind == ("mesh", "ply") and name not in moved:
-                meshes.append(MeshOutput(*self.sequence(key, output), self.has_velocity(key, output)))
+            if kind[0] == "mesh" and kind[1] in MESH_FORMATS:
+                if not self.is_repeated(kind, name, known):
+                    meshes.append(self.mesh(key, output))
             elif kind == ("points", "ply") and self.has_radius(key, output):
-                is_whitewater = self.attribute(key, output, "kind") == ["kind"]
-                points.append(PointsOutput(*self.sequence(key, output), self.has_velocity(key, output), is_whitewater))
+                points.append(self.points(key, output, ("volume", "vdb", name) in known))
             elif kind == ("sheet", "pc2"):
                 sheets.append(SheetOutput(*self.moved_mesh(key, output, ".pc2"), self.frames(f'{key} "frames"', output.get("frames"))))
             elif kind == ("collider", "json"):
                 colliders.append(ColliderOutput(*self.moved_mesh(key, output, ".json"), self.point_cache(key, output)))
-            elif kind[0] in PICTURES:
+            elif kind[0] in OTHER_FORMS or (kind[0] == "points" and ("points", "ply", name) in known):
                 pass
-            elif "density" in grids and name not in meshed:
-                volumes.append(VolumeOutput(*self.sequence(key, output), "velocity" in grids))
+            elif {FOG, LEVEL_SET, *WHITEWATER} & set(grids):
+                is_shown_otherwise = self.is_shown_otherwise(name, grids, known)
+                volumes.append(VolumeOutput(*self.sequence(key, output), "velocity" in grids, tuple(grids), is_shown_otherwise))
             else:
                 skipped.append(f"{printable(name, 40)} ({', '.join(printable(text, 40) for text in kind)})")
-        if not meshes and not volumes and not sheets:
+        if not meshes and not points and not volumes and not sheets and not colliders:
             raise ShotError(
-                f"{printable(self.path)}: no mesh in PLY format, no volume with a density and no sheet among the outputs "
+                f"{printable(self.path)}: no mesh in PLY or OBJ format, no points, volume, sheet or collider among the outputs "
                 f"(found: {listed(skipped) or 'nothing'}). "
                 'Add mesh = ["ply"], volume = ["density"] or sheet = ["pc2"] to the preset\'s [output] and run '
                 "`meniscus shot` again"
             )
         return meshes, points, volumes, sheets, colliders, skipped
+
+    def is_repeated(self, kind: tuple[str, str], name: str, known: set[tuple[str, str, str]]) -> bool:
+        """Whether a mesh a frame shows what a point cache, or a mesh in a format with velocities, shows as well."""
+        return ("sheet", "pc2", name) in known or (kind[1] == "obj" and ("mesh", "ply", name) in known)
+
+    def is_shown_otherwise(self, name: str, grids: list[str], known: set[tuple[str, str, str]]) -> bool:
+        """Whether the surface that a volume has, or its whitewater, is shown by a mesh or by points."""
+        has_mesh = any(("mesh", form, name) in known for form in MESH_FORMATS)
+        return has_mesh or (FOG not in grids and LEVEL_SET not in grids and ("points", "ply", name) in known)
+
+    def mesh(self, key: str, output: dict) -> MeshOutput:
+        has_source = output["format"] == "ply" and self.attribute(key, output, "source") == ["source"]
+        has_velocity = output["format"] == "ply" and self.has_velocity(key, output)
+        sequence = self.sequence(key, output)
+        return MeshOutput(*sequence, has_velocity, has_source, sequence[1].startswith("sheet/"))
+
+    def points(self, key: str, output: dict, has_volume: bool) -> PointsOutput:
+        """Points; tracers are hidden where there is the smoke that they mark."""
+        is_whitewater = self.attribute(key, output, "kind") == ["kind"]
+        found = PointsOutput(*self.sequence(key, output), self.has_velocity(key, output), is_whitewater)
+        return replace(found, is_hidden=found.is_tracers and has_volume)
 
     def sequence(self, key: str, output: dict) -> tuple[str, str, Frames]:
         """Name, pattern and frames of an output with a file a frame."""

@@ -131,7 +131,7 @@ def boxes(
     for frame in sorted(set(looked_at.tolist())):
         scene.frame_set(frame)
         graph = context.evaluated_depsgraph_get()
-        for shown in moved:
+        for shown in (each for each in moved if not each.hide_render):
             add_points(shot, shown.evaluated_get(graph))
         for shown, box in zip(solids, solid):
             add_corners(box, shown)

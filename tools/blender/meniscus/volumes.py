@@ -1,19 +1,23 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Volume sequences as Blender's own volume objects, and the `Smoke` material.
+"""Volume sequences as Blender's own volume objects, surfaces of their level sets, and the materials `Smoke` and `Mist`.
 
 Cycles multiplies `velocity` by the shutter and divides by the scene's frame rate where the unit is *Second*, so
 the grid holds the file's metres a second unchanged.
 """
 
 import math
+from collections.abc import Callable
 
 import bpy
 
 from .material import own
-from .shot import MAX_SCENE_FRAME, VolumeOutput, below
+from .shot import FOG, LEVEL_SET, MAX_SCENE_FRAME, WHITEWATER, VolumeOutput, below
 
 NAME = "Smoke"
 STAMP = "meniscus_smoke"
+MIST_NAME, MIST_STAMP = "Mist", "meniscus_mist"
+# Of volumes that another object shows, or that only hold a level set.
+HIDDEN_SUFFIX = "_volume"
 # Light fades to a third over this part of the smoke's size, where its density is 1: thinner looks like haze,
 # thicker like wool.
 THICKNESS = 0.03
@@ -24,8 +28,13 @@ MAX_PROBED_FRAMES = 100
 ANISOTROPY = 0.2
 
 
-def add_volume(context: bpy.types.Context, output: VolumeOutput, folder: str, present: list[int]) -> bpy.types.Object:
-    """A new object that shows one sequence, in no collection yet; `folder` is the shot's, absolute or //…"""
+def add_volume(
+    context: bpy.types.Context, output: VolumeOutput, folder: str, present: list[int], liquid: Callable[[], bpy.types.Material]
+) -> list[bpy.types.Object]:
+    """New objects that show one sequence, in no collection yet: fog, or the surface of a level set with what `liquid` makes.
+
+    `folder` is the shot's, absolute or //…
+    """
     volume = bpy.data.volumes.new(output.name)
     first, last = output.frames.first, min(output.frames.last, MAX_SCENE_FRAME)
     paths = [below(folder, output.path(frame)) for frame in present[:MAX_PROBED_FRAMES]]
@@ -38,7 +47,25 @@ def add_volume(context: bpy.types.Context, output: VolumeOutput, folder: str, pr
     # Blender counts files from one: the offset makes the number of a file that of its frame.
     volume.frame_start, volume.frame_duration, volume.frame_offset = first, last - first + 1, first - 1
     made = bpy.data.objects.new(output.name, volume)
-    volume.materials.append(smoke(size(context, output.name, paths)))
+    if output.is_hidden or output.has_surface:
+        made.name = f"{output.name}{HIDDEN_SUFFIX}"
+        made.hide_render = made.hide_viewport = True
+    if output.has_surface:
+        return [made, level_set(made, output.name, liquid())]
+    if FOG in output.grids:
+        volume.materials.append(smoke(size(context, output.name, paths)))
+    elif not output.has_surface and set(WHITEWATER) & set(output.grids):
+        volume.materials.append(mist(size(context, output.name, paths)))
+    return [made]
+
+
+def level_set(volume: bpy.types.Object, name: str, material: bpy.types.Material) -> bpy.types.Object:
+    """A new object with the surface at which a volume's level set is zero."""
+    made = bpy.data.objects.new(name, bpy.data.meshes.new(name))
+    made.data.materials.append(material)
+    modifier = made.modifiers.new("Meniscus Level Set", "VOLUME_TO_MESH")
+    modifier.object, modifier.grid_name = volume, LEVEL_SET
+    modifier.threshold, modifier.use_smooth_shade = 0.0, True
     return made
 
 
@@ -64,24 +91,46 @@ def size(context: bpy.types.Context, name: str, paths: list[str]) -> float:
 def smoke(size: float) -> bpy.types.Material:
     """The file's own Smoke that an earlier import made, else a new one for smoke of this size in metres."""
     material, is_new = own(NAME, STAMP)
-    if not is_new:
-        return material
+    if is_new:
+        scatter(material, [FOG], size)
+    return material
+
+
+def mist(size: float) -> bpy.types.Material:
+    """The file's own Mist that an earlier import made, else a new one for volumes of whitewater of this size in metres."""
+    material, is_new = own(MIST_NAME, MIST_STAMP)
+    if is_new:
+        scatter(material, list(WHITEWATER), size)
+    return material
+
+
+def scatter(material: bpy.types.Material, grids: list[str], size: float) -> None:
+    """Makes a material a cloud, as dense as the sum of some grids."""
     nodes, links = material.node_tree.nodes, material.node_tree.links
     nodes.clear()
-    there = nodes.new("ShaderNodeAttribute")
-    there.attribute_name = "density"
+    total = None
+    for row, grid in enumerate(grids):
+        there = nodes.new("ShaderNodeAttribute")
+        there.attribute_name, there.location = grid, (0, -200 * row)
+        found = there.outputs["Fac"]
+        if total is not None:
+            both = nodes.new("ShaderNodeMath")
+            both.operation, both.location = "ADD", (120 + 120 * row, -200 * row)
+            links.new(total, both.inputs[0])
+            links.new(found, both.inputs[1])
+            found = both.outputs[0]
+        total = found
     scale = nodes.new("ShaderNodeMath")
     scale.operation, scale.label = "MULTIPLY", "Fades a metre"
     scale.inputs[1].default_value = 1.0 / (THICKNESS * size)
     shader = nodes.new("ShaderNodeVolumePrincipled")
     shader.inputs["Color"].default_value = COLOUR
     shader.inputs["Anisotropy"].default_value = ANISOTROPY
-    # The density comes through the node above, where it can be scaled.
+    # The density comes through the nodes above, where it can be scaled.
     shader.inputs["Density Attribute"].default_value = ""
     output = nodes.new("ShaderNodeOutputMaterial")
-    links.new(there.outputs["Fac"], scale.inputs[0])
+    links.new(total, scale.inputs[0])
     links.new(scale.outputs[0], shader.inputs["Density"])
     links.new(shader.outputs[0], output.inputs["Volume"])
-    for place, node in enumerate((there, scale, shader, output)):
-        node.location = (240 * place, 0)
-    return material
+    for place, node in enumerate((scale, shader, output)):
+        node.location = (240 * (place + len(grids)), 0)

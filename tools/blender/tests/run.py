@@ -105,19 +105,36 @@ def check_build(tally: Tally, work: Path) -> Path:
     return first
 
 
-def check_scenes(tally: Tally, work: Path, user: Path) -> None:
-    """Scenes that become shots, with the engine."""
+def has_engine() -> bool:
+    """Whether there is an engine, whose path MENISCUS then has; its absence is reported."""
     program = os.environ.get("MENISCUS") or shutil.which("meniscus")
     if not program:
-        print("LEFT OUT: scenes, since MENISCUS names no engine and none is on the PATH", flush=True)
-        return
+        print("LEFT OUT: scenes and kinds of outputs, since MENISCUS names no engine and none is on the PATH", flush=True)
+        return False
     os.environ["MENISCUS"] = os.path.abspath(program)
+    return True
+
+
+def check_scenes(tally: Tally, work: Path, user: Path) -> None:
+    """Scenes that become shots, with the engine."""
     # Stages of scenes and shots have equal names.
     scenes = work / "scenes"
     scenes.mkdir()
     for script, names in SCENES.items():
         for name in names:
             tally.stage(name, [scenes / name], user, script)
+
+
+def check_kinds(tally: Tally, work: Path, user: Path, bare: Path) -> None:
+    """Every kind of output, with the engine; each .blend and its shot move to another folder between two processes."""
+    kinds = work / "kinds"
+    kinds.mkdir()
+    for name in ("liquids", "smoke_and_cloth"):
+        tally.stage(name, [kinds], user, "kinds.py")
+        os.rename(kinds, work / f"kinds of {name}")
+        kinds = work / f"kinds of {name}"
+        tally.stage(f"{name}_moved", [kinds], bare, "kinds.py")
+    tally.stage("forms", [kinds], user, "kinds.py")
 
 
 def main() -> int:
@@ -156,7 +173,11 @@ def main() -> int:
         for name in ("colliders", "deforming", "startup", "floors", "studio", "motions"):
             tally.stage(name, [work / name], user, "solids.py")
         tally.stage("hostile", [work / "hostile"], user, "hostile.py")
-        check_scenes(tally, work, user)
+        (work / "reload").mkdir()
+        tally.stage("reload", [work / "reload"], user, "kinds.py")
+        if has_engine():
+            check_kinds(tally, work, user, bare)
+            check_scenes(tally, work, user)
         if given.volumes:
             shutil.copytree(given.volumes, work / "volumes")
             tally.stage("volume", [work / "volumes"], bare)

@@ -277,7 +277,7 @@ def stage_messages(work: Path) -> None:
     change(gap, lambda data: data["outputs"].append({"kind": "light", "name": "sun", "format": "ies"}))
     shown = imported(gap.parent)
     expect("Warning: liquid: 1 of 5 files missing, first ")
-    expect("Warning: Synthetic: not opened, no PLY mesh, no smoke and no sheet: sun (light, ies)")
+    expect("Warning: Synthetic: not opened, of a kind that Blender cannot show: sun (light, ies)")
     check(len(at_frame(shown, 4).vertices) == 0, "a missing frame is empty, not the one before")
     expect("Info: Synthetic: 1 mesh sequence(s), 5 frames, paths absolute")
 

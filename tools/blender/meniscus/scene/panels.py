@@ -3,6 +3,7 @@
 
 import bpy
 
+from .. import reload
 from . import operators, roles, schema, session, settings
 
 SHOWN_MESSAGES = 4
@@ -113,6 +114,24 @@ class MENISCUS_PT_sidebar(ShotPanel, bpy.types.Panel):
     bl_category = "Meniscus"
 
 
+class MENISCUS_PT_imported(bpy.types.Panel):
+    """Shots that were imported into the scene."""
+
+    bl_label = "Imported Shots"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Meniscus"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return bool(reload.imports(context.scene))
+
+    def draw(self, context: bpy.types.Context) -> None:
+        for shown in reload.imports(context.scene).values():
+            self.layout.label(text=shown[0][reload.SHOT])
+        self.layout.operator("import_scene.meniscus_reload", icon="FILE_REFRESH")
+
+
 class SettingsPanel(bpy.types.Panel):
     """A part of the scene's settings."""
 
@@ -159,6 +178,7 @@ CLASSES = [
     MENISCUS_PT_object,
     MENISCUS_PT_scene,
     MENISCUS_PT_sidebar,
+    MENISCUS_PT_imported,
     MENISCUS_PT_quality,
     *(settings_panel(*part) for part in PARTS),
     MENISCUS_PT_whitewater,

@@ -10,6 +10,7 @@ import numpy as np
 
 from .. import nodes
 from ..messages import ShotError, printable
+from ..update import OUTPUT
 from .changes import Changes
 
 GEOMETRY = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
@@ -19,7 +20,6 @@ MAX_FRAMES = 100_000
 MAX_BYTES = 4 << 30
 # Kinds of parents that move an object; others bend it.
 RIGID_PARENTS = {"OBJECT", "BONE", "VERTEX", "VERTEX_3"}
-OUTPUT = "meniscus_output"
 
 
 @dataclass

@@ -11,23 +11,21 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from .. import colliders, material, nodes, outputs, sheets, volumes
+from .. import colliders, outputs, sheets
 from ..check import check_cache, check_files
 from ..folder import ShotFolder
 from ..headers import check_ply
 from ..messages import ShotError, printable
 from ..motion import Motion, read_motion
-from ..shot import FRAME_NUMBER, MAX_SCENE_FRAME, Frames, MeshOutput, PointsOutput, Shot, below, format_string, read_shot
+from ..shot import FRAME_NUMBER, MAX_SCENE_FRAME, Frames, MeshOutput, Shot, below, read_shot
+from ..update import OUTPUT, Target
+from ..viscosity import read_viscosity
 from . import assets
-from .sample import OUTPUT, quiet
+from .sample import quiet
 
 Copies = dict[str, bpy.types.Object]
 COLLECTION = "Meniscus Shot"
 SURFACE = MeshOutput("liquid", f"mesh/liquid_{FRAME_NUMBER}.ply", Frames(0, 0, 1), True)
-
-
-def existing(scene: bpy.types.Scene, key: str) -> bpy.types.Object | None:
-    return next((each for each in scene.objects if each.get(OUTPUT) == key), None)
 
 
 def collection(scene: bpy.types.Scene) -> bpy.types.Collection:
@@ -41,84 +39,9 @@ def collection(scene: bpy.types.Scene) -> bpy.types.Collection:
     return made
 
 
-def adopt(scene: bpy.types.Scene, made: bpy.types.Object, key: str) -> bpy.types.Object:
-    """Links a new result into the scene, or gives its data to the earlier one, which keeps what the artist did to it."""
-    before = existing(scene, key)
-    made[OUTPUT] = key
-    has_plain_modifiers = all(each.type == "MESH_CACHE" for each in made.modifiers)
-    if before is not None and before.type == made.type and made.data is not None and has_plain_modifiers:
-        made.scale = [part / scene.unit_settings.scale_length for part in made.scale]
-        take_over(before, made)
-        return before
-    if before is not None:
-        if made.data and before.data and len(before.data.materials):
-            made.data.materials.clear()
-            for each in before.data.materials:
-                made.data.materials.append(each)
-        made.hide_render = before.hide_render
-        name = before.name
-        bpy.data.objects.remove(before)
-        made.name = name
-    made.scale = [part / scene.unit_settings.scale_length for part in made.scale]
-    collection(scene).objects.link(made)
-    return made
-
-
-def take_over(before: bpy.types.Object, made: bpy.types.Object) -> None:
-    """Gives an object the data, place, animation and modifiers of a new result, which is removed."""
-    replaced, slots = before.data, [slot.material for slot in before.material_slots]
-    if any(slots):
-        made.data.materials.clear()
-        for each in slots:
-            made.data.materials.append(each)
-    before.data = made.data
-    if not replaced.users:
-        bpy.data.batch_remove([replaced])
-    before.rotation_mode = made.rotation_mode
-    before.location, before.scale = made.location, made.scale
-    before.rotation_quaternion, before.rotation_euler = made.rotation_quaternion, made.rotation_euler
-    animate(before, made)
-    for index, each in enumerate(made.modifiers):
-        own = before.modifiers.get(each.name)
-        if own is None or own.type != each.type:
-            own = before.modifiers.new(each.name, each.type)
-            before.modifiers.move(len(before.modifiers) - 1, min(index, len(before.modifiers) - 1))
-        for one in each.bl_rna.properties:
-            if not one.is_readonly and one.type in ("BOOLEAN", "INT", "FLOAT", "STRING", "ENUM") and one.identifier != "name":
-                value = getattr(each, one.identifier)
-                setattr(own, one.identifier, tuple(value) if getattr(one, "is_array", False) else value)
-    for name, value in made.items():
-        if isinstance(value, (str, int, float)):
-            before[name] = value
-    bpy.data.objects.remove(made)
-
-
-def animate(before: bpy.types.Object, made: bpy.types.Object) -> None:
-    """Gives an object the action of a new result, or none; drivers stay."""
-    new = made.animation_data.action if made.animation_data else None
-    old = before.animation_data.action if before.animation_data else None
-    if new is not None:
-        animation = before.animation_data_create()
-        animation.action = new
-        animation.action_slot = made.animation_data.action_slot
-    elif old is not None:
-        before.animation_data.action = None
-    if old is not None and not old.users:
-        bpy.data.actions.remove(old)
-
-
-def sequence(scene: bpy.types.Scene, output: MeshOutput | PointsOutput, folder: str) -> bpy.types.Object:
-    """The object of a mesh or point sequence with these frames, a new one if there is none."""
-    kind = "points" if isinstance(output, PointsOutput) else "mesh"
-    key = f"{kind}:{output.name}"
-    shown = existing(scene, key)
-    files = format_string(below(folder, output.pattern))
-    if shown is None or nodes.NAME not in shown.modifiers:
-        return adopt(scene, outputs.add_object(output, files), key)
-    values = {"Files": files, "First": output.frames.first, "Last": output.frames.last, "Step": output.frames.step}
-    nodes.set_inputs(shown.modifiers[nodes.NAME], values | {"Velocity": output.has_velocity})
-    shown.update_tag()
-    return shown
+def target(scene: bpy.types.Scene) -> Target:
+    """Where results of the scene's own jobs are shown."""
+    return Target(scene, lambda: collection(scene), scene.unit_settings.scale_length)
 
 
 class Arrivals:
@@ -143,7 +66,7 @@ class Arrivals:
         step = self.frames[1] - self.frames[0] if len(self.frames) > 1 else 1
         span = Frames(self.frames[0], self.frames[count - 1], step)
         folder = outputs.shot_folder(files.root, "AUTO")
-        sequence(scene, MeshOutput(SURFACE.name, SURFACE.pattern, span, True), folder)
+        target(scene).sequence(MeshOutput(SURFACE.name, SURFACE.pattern, span, True), folder, read_viscosity(self.shot))
         return True
 
 
@@ -158,9 +81,9 @@ def show_all(context: bpy.types.Context, scene: bpy.types.Scene, folder: Path) -
     sources = Sources(folder.parent)
     copies = copies_of(context, scene, shot, sources)
     for output in (*shot.meshes, *shot.points):
-        sequence(scene, output, path)
+        target(scene).sequence(output, path, shot.viscosity)
     for output in shot.volumes:
-        adopt(scene, volumes.add_volume(context, output, path, frames[output]), f"volume:{output.name}")
+        target(scene).volume(context, output, path, frames[output], shot.viscosity)
     for sheet in shot.sheets:
         show_cloth(context, scene, sheet, sources, copies, files, path)
     show_solids(context, scene, shot, sources, copies, files, path)
@@ -231,7 +154,7 @@ def show_cloth(context: bpy.types.Context, scene: bpy.types.Scene, sheet, source
         made = sheets.add_sheet(sheet, files.full(sheet.rest), cache)
     elif not len(made.data.materials):
         made.data.materials.append(sheets.cloth())
-    adopt(scene, made, key)
+    target(scene).adopt(made, key)
     if source is not None:
         put_aside(source, context.view_layer)
 
@@ -247,12 +170,12 @@ def show_solids(context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, 
             if not len(made.data.materials):
                 made.data.materials.append(colliders.matte())
             moved(made, motion, scene.unit_settings.scale_length)
-            adopt(scene, made, f"body:{output.name}")
+            target(scene).adopt(made, f"body:{output.name}")
             put_aside(source, context.view_layer)
         elif motion.shape == "tank":
             made = colliders.add_collider(output, files.full(output.mesh), motion)
             moved(made, motion, scene.unit_settings.scale_length)
-            adopt(scene, made, f"tank:{output.name}")
+            target(scene).adopt(made, f"tank:{output.name}")
 
 
 def moved(made: bpy.types.Object, motion: Motion, scale: float) -> None:

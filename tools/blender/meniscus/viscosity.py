@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""The viscosity of a shot's liquid, by which it is shown as water or as honey. No Blender in here."""
+
+import math
+import re
+import tomllib
+from pathlib import Path
+
+from .folder import read_limited
+from .messages import ShotError
+
+FILE = "preset.toml"
+# A preset with 500 colliders and a keyframe in every frame has some megabytes.
+MAX_BYTES = 16 << 20
+# From this dynamic viscosity on a liquid is shown as honey [Pa·s]. Oil has 0.1, syrup 2 and honey 10.
+THICK = 1.0
+NUMBER = re.compile(r"\s*([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(m?)Pa·?s\s*")
+
+
+def read_viscosity(folder: Path) -> float:
+    """The dynamic viscosity [Pa·s] that the preset in a shot folder names; 0 where there is no preset or viscosity."""
+    try:
+        content = read_limited(folder / FILE, MAX_BYTES)
+        preset = tomllib.loads(content.decode("utf-8"))
+        value = preset["liquid"]["viscosity"]["dynamic"]
+    except (ShotError, ValueError, KeyError, TypeError, RecursionError):
+        return 0.0
+    if isinstance(value, str):
+        match = NUMBER.fullmatch(value)
+        value = float(match[1]) * (1e-3 if match[2] else 1.0) if match else 0.0
+    return float(value) if type(value) in (int, float) and math.isfinite(value) else 0.0
