@@ -481,7 +481,7 @@ class Checkout(unittest.TestCase):
         for found, library in (("7", Older()), ("None", object())):
             loaded, load, _native._loaded, ctypes.CDLL = _native._loaded, ctypes.CDLL, None, lambda _, library=library: library
             try:
-                with self.subTest(found), self.assertRaisesRegex(mf.MeniscusError, f"found interface {found}, expected 1"):
+                with self.subTest(found), self.assertRaisesRegex(mf.MeniscusError, f"found interface {found}, expected {_native.ABI}"):
                     _native.library()
             finally:
                 _native._loaded, ctypes.CDLL = loaded, load
