@@ -12,6 +12,8 @@ mod deforming;
 mod farm;
 mod forces;
 mod inflow;
+// Windows has no signals that a test could send.
+#[cfg(unix)]
 mod interrupt;
 mod manners;
 mod meshing;
@@ -121,6 +123,11 @@ impl Desk {
     fn names(&self, folder: &str) -> Vec<String> {
         self.bytes(folder).into_iter().map(|(name, _)| name).collect()
     }
+}
+
+/// A path as messages have it: with the system's separators.
+fn shown(path: &str) -> String {
+    path.replace('/', std::path::MAIN_SEPARATOR_STR)
 }
 
 fn name(path: &Path) -> String {

@@ -92,6 +92,8 @@ fn other_tracers_come_fade_and_keep_out_of_solids_as_the_first_did() {
     }
 }
 
+// Windows has no signals that a test could send.
+#[cfg(unix)]
 #[test]
 fn tracers_that_drift_from_the_start_can_be_stopped_and_the_job_goes_on() {
     use std::{

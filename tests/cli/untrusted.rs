@@ -36,6 +36,8 @@ fn vtu(attribute: &str) -> String {
     )
 }
 
+// Windows has no file whose name ends a line.
+#[cfg(unix)]
 #[test]
 fn names_from_files_command_no_agent_and_steer_no_terminal() {
     let desk = Desk::new();
@@ -185,7 +187,7 @@ fn refused_frames(desk: &Desk, line: &str, words: &[&str]) {
     let line = format!("{line} --max-memory 60MiB");
     let (_, talk) = desk.run(&line, 33);
     for words in words.iter().chain(&["needs about 128 MiB of memory, and --max-memory allows"]) {
-        assert!(talk.contains(words), "{words}: {talk}");
+        assert!(talk.contains(words) || talk.contains(&shown(words)), "{words}: {talk}");
     }
     #[cfg(target_os = "linux")]
     {
@@ -250,7 +252,7 @@ fn a_spacing_that_is_none_is_named_with_its_frame_and_stream() {
         for words in
             ["frame_0002.mcf: stream liquid: found a spacing of inf m", "expected 1e-6 to 1e6 m; simulate"]
         {
-            assert!(talk.contains(words), "{words}: {talk}");
+            assert!(talk.contains(words) || talk.contains(&shown(words)), "{words}: {talk}");
         }
         assert_eq!(
             desk.names(&format!("{verb}/{verb}")).iter().filter(|name| name.contains("liquid")).count(),

@@ -83,7 +83,10 @@ pub(crate) fn on_threads<R: Send>(
 fn threads_refused(threads: usize, error: impl Display) -> Failure {
     let count = if threads == 0 { thread::available_parallelism().map_or(1, usize::from) } else { threads };
     if !is_granted(count as u64 * STACK) {
-        return refused();
+        let text = format!(
+            "the system refused memory for {count} threads ({error}): pass fewer, or allow more (`ulimit -v`)"
+        );
+        return Failure::Memory(text);
     }
     let named = if threads == 0 { "one for every core".to_owned() } else { threads.to_string() };
     Failure::Parameter(format!(
@@ -109,6 +112,15 @@ mod tests {
         let outcome = supervised(CancelToken::new(), |_| panic!("planted")).unwrap();
         assert_eq!((outcome.status(), outcome.text()), (4, "planted"));
         assert!(supervised(CancelToken::new(), |_| None).is_none());
+    }
+
+    #[test]
+    fn threads_are_refused_for_lack_of_memory_or_by_their_number() {
+        let of = |threads| threads_refused(threads, "planted");
+        assert!(
+            matches!(of(1), Failure::Parameter(text) if text.starts_with("threads: the system refused to start 1 (planted)"))
+        );
+        assert!(matches!(of(1 << 40), Failure::Memory(text) if text.contains("1099511627776 threads")));
     }
 
     #[test]

@@ -74,7 +74,7 @@ impl Request<'_> {
         let allowed = if self.max_memory == 0 { u64::MAX } else { self.max_memory };
         let bound = needed(allowed);
         if bound > allowed {
-            return Err(over_memory(bound, allowed, "max_memory, is allowed"));
+            return Err(over_memory(bound, allowed, "is allowed by max_memory"));
         }
         if memory.hold(bound) {
             return Ok(());
@@ -219,7 +219,10 @@ mod tests {
         let positions = [Vec3::zeros(), Vec3::new(1.0, 0.0, 0.0)];
         let found = made(&Request { max_memory: 1 << 20, ..request(&positions, &[]) }, &CancelToken::new());
         let Err(Failure::Memory(text)) = found else { panic!("{:?}", found.map(|surface| surface.stats)) };
-        assert!(text.starts_with("the surface needs about 1") && text.contains("1 MB max_memory"), "{text}");
+        assert!(
+            text.starts_with("the surface needs about 1") && text.contains("1 MB is allowed by max_memory"),
+            "{text}"
+        );
         let surface = made(&Request { max_memory: 1 << 30, ..request(&positions, &[]) }, &CancelToken::new());
         assert!(surface.unwrap().check.is_sound());
     }
