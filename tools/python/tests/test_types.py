@@ -24,8 +24,9 @@ class Types(unittest.TestCase):
                 value = getattr(module, name)
                 functions = {name: value} if inspect.isfunction(value) else {}
                 if inspect.isclass(value):
-                    members = vars(value).items()
-                    functions = {f"{name}.{key}": each for key, each in members if inspect.isfunction(each) and each.__module__ == value.__module__}
+                    # Those of dataclasses are made by Python.
+                    members = [(key, each) for key, each in vars(value).items() if not key.startswith("_")]
+                    functions = {f"{name}.{key}": each for key, each in members if inspect.isfunction(each)}
                     functions.update({f"{name}.{key}": each.fget for key, each in members if isinstance(each, property)})
                 if functions or inspect.isclass(value):
                     missing += [] if inspect.getdoc(value) else [f"{name}: no description"]
@@ -33,7 +34,7 @@ class Types(unittest.TestCase):
                     missing += untyped(key, function)
                     count += 1
         self.assertEqual(missing, [])
-        self.assertGreater(count, 15)
+        self.assertGreater(count, 12)
 
     def test_arrays_of_a_mesh_have_types(self):
         expected = {"vertices", "triangles", "normals", "attributes", "points", "point_radii", "point_attributes", "report"}
