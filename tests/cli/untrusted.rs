@@ -36,26 +36,23 @@ fn vtu(attribute: &str) -> String {
     )
 }
 
-// Windows has no file whose name ends a line.
-#[cfg(unix)]
 #[test]
 fn names_from_files_command_no_agent_and_steer_no_terminal() {
     let desk = Desk::new();
     desk.write("a.vtu", vtu(&format!("a&#10;{COMMAND}&#13;{COMMAND}&#x2028;{COMMAND}&#x9b;2J")));
     let vtk = "# vtk DataFile Version 4.1\n\nASCII\nDATASET POLYDATA\nPOINTS 1 float\n0 0 0\nPOINT_DATA 1\nFIELD FieldData 1\n";
     desk.write("a.vtk", format!("{vtk}a%0A{}%1B[2J 2 1 float\n0 0\n", COMMAND.replace(' ', "%20")));
-    let named = format!("p\n{COMMAND}\n\u{1b}[31m_1.xyz");
-    desk.write(&named.replace('/', "_"), "0 0 0\n");
-    desk.write("q\nopenjd_fail: me_1.xyz", "0 nan 0\n");
-    desk.write("q\nopenjd_fail: me_2.xyz", "0 0 x\n");
+    let mut inputs = vec![("a.vtu", "LD_PRELOAD"), ("a.vtk", "LD_PRELOAD")];
+    // Windows has no file whose name ends a line.
+    if cfg!(unix) {
+        let named = format!("p\n{COMMAND}\n\u{1b}[31m_1.xyz");
+        desk.write(&named.replace('/', "_"), "0 0 0\n");
+        desk.write("q\nopenjd_fail: me_1.xyz", "0 nan 0\n");
+        desk.write("q\nopenjd_fail: me_2.xyz", "0 0 x\n");
+        inputs.extend([("p*_1.xyz", ""), ("q*_1.xyz", "NaN"), ("q*_#.xyz", "of 2 frames failed")]);
+    }
     for style in ["openjd", "plain", "json", "bar"] {
-        for (pattern, words) in [
-            ("a.vtu", "LD_PRELOAD"),
-            ("a.vtk", "LD_PRELOAD"),
-            ("p*_1.xyz", ""),
-            ("q*_1.xyz", "NaN"),
-            ("q*_#.xyz", "of 2 frames failed"),
-        ] {
+        for &(pattern, words) in &inputs {
             for verb in ["mesh", "volume"] {
                 let arguments =
                     [verb, pattern, "--spacing", "0.1", "-o", "out", "--force", "--progress", style];
