@@ -221,7 +221,7 @@ fn a_report_is_one_page_with_loop_plots_warnings_settings_and_command() {
     for text in [
         "compression",
         "dilation",
-        "meniscus shot evil/preset.toml -o NEW_FOLDER --frames 1-5",
+        &shown("meniscus shot evil/preset.toml -o NEW_FOLDER --frames 1-5"),
         "spacing = 0.1",
     ] {
         assert!(page.contains(text), "{text}");

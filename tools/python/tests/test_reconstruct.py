@@ -35,6 +35,8 @@ import meniscus_fx as mf
 from meniscus_fx import _mesh
 def used():
     return int(open("/proc/self/statm").read().split()[0]) << 12
+def resident():
+    return int(open("/proc/self/statm").read().split()[1]) << 12
 def limit(bytes):
     resource.setrlimit(resource.RLIMIT_AS, (bytes, resource.RLIM_INFINITY))
 """
@@ -359,10 +361,16 @@ assert mf.reconstruct(numpy.zeros((1, 3)), 0.1).is_sound
     def test_memory_that_is_refused_in_the_midst_of_a_call_ends_it(self):
         # 0 MiB: the reserve that is freed then suffices. Below: nothing does, and the call is left, with what it reads.
         script = LIMITED + """
-import sys, threading, gc
+import sys, threading, time, gc
 from meniscus_fx import _native
 x = numpy.random.default_rng(0).uniform(0, 1, (150_000, 3)).astype(numpy.float32)
-threading.Timer(0.3, lambda: limit(max(used() + (int(sys.argv[1]) << 20), 1 << 20))).start()
+def later():
+    # By then the estimate was granted, and the work is under way.
+    while resident() < before + (80 << 20):
+        time.sleep(0.01)
+    limit(max(used() + (int(sys.argv[1]) << 20), 1 << 20))
+before = resident()
+threading.Thread(target=later, daemon=True).start()
 try:
     print(mf.reconstruct(x, 0.02, voxel=0.3, threads=2))
 except mf.OutOfMemoryError as error:
