@@ -4,7 +4,6 @@ mod attributes;
 mod bad_input;
 mod batch;
 mod bodies;
-#[cfg(unix)]
 mod branch;
 mod colliders;
 mod couplings;

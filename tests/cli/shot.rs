@@ -231,6 +231,7 @@ fn info_lists_the_folder() {
     assert!(why.contains("mesh/liquid_0002.ply: missing") && why.contains("meniscus mesh small"), "{why}");
 }
 
+// By a shell of Unix.
 #[cfg(unix)]
 #[test]
 fn a_reader_of_the_log_that_goes_away_does_not_stop_the_job() {

@@ -34,6 +34,7 @@ fn streams_named_like_paths_write_nothing() {
     desk.run("mesh shot", 0);
 }
 
+// Windows lets administrators alone make symbolic links.
 #[cfg(unix)]
 #[test]
 fn links_in_a_folder_lead_no_job_out_of_it() {
@@ -293,6 +294,7 @@ const TETRAHEDRON: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty flo
     element face 4\nproperty list uchar int vertex_indices\nend_header\n2 0 0\n3 0 0\n2 1 0\n2 0 1\n\
     3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n";
 
+// Windows lets administrators alone make symbolic links.
 #[cfg(unix)]
 #[test]
 fn meshes_behind_links_out_of_the_folder_of_the_preset_are_refused() {
@@ -336,6 +338,7 @@ fn shell(desk: &Desk, line: &str) -> (Option<i32>, String) {
     (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
 }
 
+// By a shell of Unix.
 #[cfg(unix)]
 #[test]
 fn a_limit_of_the_size_of_files_is_a_full_disk() {
@@ -421,6 +424,7 @@ fn more_threads_than_any_machine_has_are_refused() {
     assert!(why.contains("100000"), "{why}");
 }
 
+// Windows has no pipes among files.
 #[cfg(unix)]
 #[test]
 fn pipes_and_folders_named_like_frames_keep_nothing_else_from_being_listed() {

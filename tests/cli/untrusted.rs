@@ -277,6 +277,7 @@ fn a_frame_of_more_streams_or_channels_than_there_can_be_is_refused() {
     assert!(talk.contains("number of channels: found 4097, expected at most 4096"), "{talk}");
 }
 
+// Windows has no pipes among files.
 #[cfg(unix)]
 #[test]
 fn a_pipe_named_like_a_frame_stops_nothing() {
