@@ -6,7 +6,10 @@ use super::{
     product::ProductVerb,
     product_args::{InputArgs, PreviewArgs},
 };
-use crate::run::{self, Control, PreviewParams, ProductSettings, Reporter, RunError, ShotFolder};
+use crate::{
+    control::printable_path,
+    run::{self, Control, PreviewParams, ProductSettings, Reporter, RunError, ShotFolder},
+};
 
 /// Draws shaded pictures of a cached shot.
 pub(super) fn preview(args: &PreviewArgs, control: Control) -> Result<(), RunError> {
@@ -36,7 +39,7 @@ pub(super) fn preview(args: &PreviewArgs, control: Control) -> Result<(), RunErr
     if args.report && matches!(made, Ok(()) | Err(RunError::SomeFailed { .. })) {
         let shot = ShotFolder::around(&args.cache);
         let out = args.output.as_ref().map_or_else(|| shot.clone(), ShotFolder::new);
-        print(&run::report(&shot, &out, control)?.display().to_string());
+        print(&printable_path(&run::report(&shot, &out, control)?));
     }
     made
 }

@@ -14,9 +14,12 @@ pub(crate) fn printable(text: &str) -> Cow<'_, str> {
     Cow::Owned(escaped)
 }
 
-/// A path for a message, in one line.
+/// A path for a message, in one line, with the system's separators alone.
 pub(crate) fn printable_path(path: &Path) -> String {
-    printable(&path.to_string_lossy()).into_owned()
+    let text = path.to_string_lossy();
+    // Windows takes both.
+    let text = if cfg!(windows) { text.replace('/', "\\") } else { text.into_owned() };
+    printable(&text).into_owned()
 }
 
 /// Appends `character`, escaped if it needs to be.

@@ -26,7 +26,7 @@ const MAX_NODES: f32 = 8192.0;
 const MAX_SAMPLES: usize = 4096;
 
 /// Whether particles are copied into a local frame for a surface of cells of `voxel` [m].
-pub(crate) fn is_far(particles: &Stream, voxel: f32) -> bool {
+pub(crate) fn is_far(particles: &Columns, voxel: f32) -> bool {
     local_origin(particles.vec3("position").unwrap_or_default(), voxel).is_some()
 }
 

@@ -56,6 +56,11 @@ pub fn try_with_threads<R: Send>(
     Ok(pool.install(job))
 }
 
+/// Calls `f` once on every thread of the current pool, and returns when all have.
+pub fn on_every_thread(f: impl Fn() + Sync) {
+    rayon::broadcast(|_| f());
+}
+
 /// The number of threads that the current pool runs.
 pub fn threads() -> usize {
     rayon::current_num_threads()

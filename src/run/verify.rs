@@ -240,8 +240,15 @@ fn cached(
 /// A path as a shell takes it.
 pub(super) fn quoted(path: &Path) -> String {
     let text = printable_path(path).to_string();
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || "/._-+".contains(c);
-    if text.chars().all(is_plain) { text } else { format!("'{}'", text.replace('\'', "'\\''")) }
+    let plain = if cfg!(windows) { "/\\:._-+" } else { "/._-+" };
+    if text.chars().all(|c| c.is_ascii_alphanumeric() || plain.contains(c)) {
+        text
+    } else if cfg!(windows) {
+        // No name there has a quotation mark in it.
+        format!("\"{text}\"")
+    } else {
+        format!("'{}'", text.replace('\'', "'\\''"))
+    }
 }
 
 fn condition(why: &CacheError) -> Condition {

@@ -9,6 +9,7 @@ mod tests;
 
 pub use crate::{
     preset::{Asset, Assets, Frames, FramesError, Home, Problem, SceneError, builtin},
+    product::surface::stream_memory,
     sim::scene::{Output, Scene, Tradeoff, World},
 };
 #[cfg(any(test, feature = "fuzzing"))]

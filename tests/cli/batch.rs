@@ -299,6 +299,8 @@ fn a_header_that_claims_more_than_its_file_takes_no_memory() {
     }
 }
 
+// Windows has no signals that a test could send.
+#[cfg(unix)]
 #[test]
 fn an_interrupt_keeps_the_meshes_that_are_finished() {
     let desk = Desk::new();

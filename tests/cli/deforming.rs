@@ -190,6 +190,7 @@ fn unsound_meshes_and_other_units_are_reported_once() {
     assert!(talk.contains("scale = 0.001 takes its unit for millimetres"), "{talk}");
 }
 
+// Windows lets administrators alone make symbolic links.
 #[cfg(unix)]
 #[test]
 fn sequences_behind_links_out_of_the_folder_are_refused() {

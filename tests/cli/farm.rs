@@ -84,6 +84,8 @@ fn a_template_of_open_job_description_has_chunks_and_no_paths() {
     }
 }
 
+// Slurm runs on Linux, and its script in a shell.
+#[cfg(unix)]
 #[test]
 fn a_script_for_slurm_quotes_every_text_and_runs_a_killed_command_again() {
     let desk = Desk::new();
@@ -186,6 +188,8 @@ fn a_simulation_that_dies_ends_what_follows_it() {
     assert!(talk.contains("shot.json is not there"), "{talk}");
 }
 
+// Windows has no signals that a test could send.
+#[cfg(unix)]
 #[test]
 fn a_signal_ends_what_waits_for_a_frame() {
     let desk = Desk::new();

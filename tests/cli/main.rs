@@ -4,7 +4,6 @@ mod attributes;
 mod bad_input;
 mod batch;
 mod bodies;
-#[cfg(unix)]
 mod branch;
 mod colliders;
 mod couplings;
@@ -14,6 +13,8 @@ mod documents;
 mod farm;
 mod forces;
 mod inflow;
+// Windows has no signals that a test could send.
+#[cfg(unix)]
 mod interrupt;
 mod manners;
 mod meshing;
@@ -123,6 +124,11 @@ impl Desk {
     fn names(&self, folder: &str) -> Vec<String> {
         self.bytes(folder).into_iter().map(|(name, _)| name).collect()
     }
+}
+
+/// A path as messages have it: with the system's separators.
+fn shown(path: &str) -> String {
+    path.replace('/', std::path::MAIN_SEPARATOR_STR)
 }
 
 fn name(path: &Path) -> String {

@@ -231,6 +231,7 @@ fn info_lists_the_folder() {
     assert!(why.contains("mesh/liquid_0002.ply: missing") && why.contains("meniscus mesh small"), "{why}");
 }
 
+// By a shell of Unix.
 #[cfg(unix)]
 #[test]
 fn a_reader_of_the_log_that_goes_away_does_not_stop_the_job() {
@@ -261,7 +262,7 @@ fn quality_tiers_have_folders_of_their_own() {
     with_draft(&desk);
     desk.run("shot small.toml", 0);
     let (out, _) = desk.run("shot small.toml --quality draft", 0);
-    assert!(out.contains("small-draft/shot.json"), "{out}");
+    assert!(out.contains(&shown("small-draft/shot.json")), "{out}");
     assert_eq!(desk.names("small-draft/mesh").len(), 5);
     assert_ne!(desk.bytes("small/cache"), desk.bytes("small-draft/cache"));
     // Without a table `[quality.final]` that tier is the preset as written.

@@ -1,7 +1,7 @@
 //! Smoke played again: faster, with everything that moves it, with other tracers.
 
 use super::{
-    smoke::{PLUME, RING, grid},
+    smoke::{PLUME, grid},
     *,
 };
 
@@ -92,6 +92,8 @@ fn other_tracers_come_fade_and_keep_out_of_solids_as_the_first_did() {
     }
 }
 
+// Windows has no signals that a test could send.
+#[cfg(unix)]
 #[test]
 fn tracers_that_drift_from_the_start_can_be_stopped_and_the_job_goes_on() {
     use std::{
@@ -99,7 +101,7 @@ fn tracers_that_drift_from_the_start_can_be_stopped_and_the_job_goes_on() {
         time::{Duration, Instant},
     };
     let desk = Desk::new();
-    desk.write("ring.toml", RING);
+    desk.write("ring.toml", super::smoke::RING);
     desk.run("simulate ring.toml --frames 1-24", 0);
     // So many tracers that to drift to frame 24 takes some hundred times as long as to stop.
     let line = "volume ring -o fresh --set smoke.tracers=0.2 --frames 2,24";

@@ -42,18 +42,17 @@ fn names_from_files_command_no_agent_and_steer_no_terminal() {
     desk.write("a.vtu", vtu(&format!("a&#10;{COMMAND}&#13;{COMMAND}&#x2028;{COMMAND}&#x9b;2J")));
     let vtk = "# vtk DataFile Version 4.1\n\nASCII\nDATASET POLYDATA\nPOINTS 1 float\n0 0 0\nPOINT_DATA 1\nFIELD FieldData 1\n";
     desk.write("a.vtk", format!("{vtk}a%0A{}%1B[2J 2 1 float\n0 0\n", COMMAND.replace(' ', "%20")));
-    let named = format!("p\n{COMMAND}\n\u{1b}[31m_1.xyz");
-    desk.write(&named.replace('/', "_"), "0 0 0\n");
-    desk.write("q\nopenjd_fail: me_1.xyz", "0 nan 0\n");
-    desk.write("q\nopenjd_fail: me_2.xyz", "0 0 x\n");
+    let mut inputs = vec![("a.vtu", "LD_PRELOAD"), ("a.vtk", "LD_PRELOAD")];
+    // Windows has no file whose name ends a line.
+    if cfg!(unix) {
+        let named = format!("p\n{COMMAND}\n\u{1b}[31m_1.xyz");
+        desk.write(&named.replace('/', "_"), "0 0 0\n");
+        desk.write("q\nopenjd_fail: me_1.xyz", "0 nan 0\n");
+        desk.write("q\nopenjd_fail: me_2.xyz", "0 0 x\n");
+        inputs.extend([("p*_1.xyz", ""), ("q*_1.xyz", "NaN"), ("q*_#.xyz", "of 2 frames failed")]);
+    }
     for style in ["openjd", "plain", "json", "bar"] {
-        for (pattern, words) in [
-            ("a.vtu", "LD_PRELOAD"),
-            ("a.vtk", "LD_PRELOAD"),
-            ("p*_1.xyz", ""),
-            ("q*_1.xyz", "NaN"),
-            ("q*_#.xyz", "of 2 frames failed"),
-        ] {
+        for &(pattern, words) in &inputs {
             for verb in ["mesh", "volume"] {
                 let arguments =
                     [verb, pattern, "--spacing", "0.1", "-o", "out", "--force", "--progress", style];
@@ -185,7 +184,7 @@ fn refused_frames(desk: &Desk, line: &str, words: &[&str]) {
     let line = format!("{line} --max-memory 60MiB");
     let (_, talk) = desk.run(&line, 33);
     for words in words.iter().chain(&["needs about 128 MiB of memory, and --max-memory allows"]) {
-        assert!(talk.contains(words), "{words}: {talk}");
+        assert!(talk.contains(words) || talk.contains(&shown(words)), "{words}: {talk}");
     }
     #[cfg(target_os = "linux")]
     {
@@ -220,7 +219,7 @@ fn smoke_is_not_retimed_from_frames_that_take_more_memory_than_allowed() {
     pad(&desk, "ring", 3, PADDING / 4);
     desk.run("volume ring -o slow --retime 2 --frames 3 --max-memory 60MiB", 0);
     let (_, talk) = desk.run("volume ring -o slow --retime 2 --frames 4 --max-memory 60MiB", 33);
-    assert!(talk.contains("ring/cache/frame_0003.mcf: this frame needs about 32 MiB"), "{talk}");
+    assert!(talk.contains(&shown("ring/cache/frame_0003.mcf: this frame needs about 32 MiB")), "{talk}");
 }
 
 #[test]
@@ -250,7 +249,7 @@ fn a_spacing_that_is_none_is_named_with_its_frame_and_stream() {
         for words in
             ["frame_0002.mcf: stream liquid: found a spacing of inf m", "expected 1e-6 to 1e6 m; simulate"]
         {
-            assert!(talk.contains(words), "{words}: {talk}");
+            assert!(talk.contains(words) || talk.contains(&shown(words)), "{words}: {talk}");
         }
         assert_eq!(
             desk.names(&format!("{verb}/{verb}")).iter().filter(|name| name.contains("liquid")).count(),
@@ -278,6 +277,7 @@ fn a_frame_of_more_streams_or_channels_than_there_can_be_is_refused() {
     assert!(talk.contains("number of channels: found 4097, expected at most 4096"), "{talk}");
 }
 
+// Windows has no pipes among files.
 #[cfg(unix)]
 #[test]
 fn a_pipe_named_like_a_frame_stops_nothing() {

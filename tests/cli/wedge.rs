@@ -95,6 +95,7 @@ fn what_every_wedge_failed_of_is_reported_although_there_is_nothing_to_compare()
     assert!(talk.contains("wedge 4") && !talk.contains("--prepare"), "{talk}");
 }
 
+// Windows lets administrators alone make symbolic links.
 #[cfg(unix)]
 #[test]
 fn wedges_and_presets_behind_links_that_lead_out_are_refused() {

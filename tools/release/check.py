@@ -3,16 +3,18 @@
 """Runs what is in wheels: each system's program makes the same bytes as that of Linux x86-64.
 
     tools/release/check.py [DIR]                 the wheels in DIR (target/wheels)
-    tools/release/check.py [DIR] --suite CLI     also the tests of the command line (target/debug/deps/cli-…) on the Windows program
 
-On Linux x86-64. The wheel of Linux x86-64 is installed by pip into a fresh environment, with the tests of the package. Linux arm64 runs by
-qemu-aarch64-static, Windows by wine (with a library that Debian's lacks, compiled by x86_64-w64-mingw32-gcc). Libraries are loaded by load.c, compiled by zig. What cannot
-run here is reported as LEFT OUT: wheels of macOS are only checked by their headers, in tools/release/build.
+On Linux x86-64. The wheel of Linux x86-64 is installed by pip into a fresh environment, with the tests of the package; mypy and
+pyright, from PyPI, check its types. Linux arm64 runs by qemu-aarch64-static, Windows by wine (with a library that Debian's lacks, compiled
+by x86_64-w64-mingw32-gcc). Libraries are loaded by load.c, compiled by zig. What cannot run here is reported as LEFT OUT: wheels of
+macOS are only checked by their headers, in tools/release/build. The tests of the command line on Windows' program:
+tools/release/wine.
 """
 
 import argparse
 import hashlib
 import importlib.util
+import json
 import os
 import shutil
 import subprocess
@@ -110,23 +112,29 @@ def installed(wheels: Path, work: Path) -> None:
     subprocess.run(tests, check=True, cwd=work)
 
 
-def suite(cli: Path, run: list[str], work: Path) -> int:
-    """The tests of the command line, which find the program of another system where their own would be."""
-    wrapper = work / "meniscus"
-    wrapper.write_text("#!/bin/sh\nexec " + " ".join(f"'{word}'" for word in run) + ' "$@"\n')
-    wrapper.chmod(0o755)
-    return subprocess.run([cli], cwd=ROOT, env=os.environ | {"CARGO_BIN_EXE_meniscus": str(wrapper)}).returncode
+def typed(work: Path) -> None:
+    """Checks the types of the installed package: complete, and what a user's code expects of them."""
+    python, example = work / "venv/bin/python", work / "typed_example.py"
+    shutil.copy(ROOT / "tools/python/typed_example.py", example)
+    install = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "mypy==2.4.1", "pyright[nodejs]==1.1.414"]
+    subprocess.run(install, check=True)
+    # A mistake that is not found is one, too.
+    settings = {"typeCheckingMode": "strict", "enableTypeIgnoreComments": True, "reportUnnecessaryTypeIgnoreComment": "error"}
+    (work / "pyrightconfig.json").write_text(json.dumps(settings))
+    environment = os.environ | {"PATH": f"{python.parent}{os.pathsep}{os.environ['PATH']}", "VIRTUAL_ENV": str(work / "venv")}
+    for command in (["mypy", "--strict", example], ["pyright", example], ["pyright", "--verifytypes", "meniscus_fx", "--ignoreexternal"]):
+        subprocess.run([python, "-m", *command], check=True, cwd=work, env=environment)
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("wheels", type=Path, nargs="?", default=ROOT / "target" / "wheels")
-    parser.add_argument("--suite", type=Path, metavar="CLI", help="the compiled tests of the command line, to run them by wine")
     options = parser.parse_args()
     failed = 0
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)
         installed(options.wheels, work)
+        typed(work)
         reference = library = None
         for platform in sorted(PLATFORMS.values(), key=lambda platform: platform.name != "linux-x64"):
             try:
@@ -147,8 +155,6 @@ def main() -> int:
                 library = library or printed
                 print(f"{platform.name}: its library {'makes the same mesh' if printed == library else 'differs: ' + printed}", flush=True)
                 failed |= printed != library
-            if platform.name == "windows-x64" and options.suite:
-                failed |= suite(options.suite.resolve(), run, work) != 0
     return int(failed)
 
 

@@ -23,6 +23,7 @@ typedef struct {
     Text quality;
     const Text *settings;
     size_t setting_count, threads;
+    uint64_t max_memory;
     void *cancel;
 } Request;
 typedef struct { Text name; uint32_t kind; size_t len; const void *data; } Column;
@@ -68,7 +69,7 @@ int main(int count, char **words) {
     }
     InputColumn column = {{"position", 8}, 2, positions};
     void *flag = cancel_new();
-    Request request = {1000, &column, 1, 0.05, {"final", 5}, NULL, 0, 0, flag};
+    Request request = {1000, &column, 1, 0.05, {"final", 5}, NULL, 0, 0, 0, flag};
     void *outcome = reconstruct(&request), *failure;
     printf("status %u\n", outcome_status(outcome));
     for (size_t i = 0; i < outcome_column_count(outcome); i++) {
@@ -89,6 +90,11 @@ int main(int count, char **words) {
     printf("cancelled: status %u\n", outcome_status(outcome));
     outcome_free(outcome);
     request.spacing = -1;
+    outcome = reconstruct(&request);
+    text = outcome_text(outcome);
+    printf("status %u, %.*s\n", outcome_status(outcome), (int)text.len, (const char *)text.data);
+    outcome_free(outcome);
+    request.spacing = 0.05, request.max_memory = 1000000;
     outcome = reconstruct(&request);
     text = outcome_text(outcome);
     printf("status %u, %.*s\n", outcome_status(outcome), (int)text.len, (const char *)text.data);

@@ -3,7 +3,7 @@
 use super::bricks::bricks_around;
 use crate::{
     field::{DensityParams, coarse_step, surface_size},
-    frame::{ChannelData, Stream},
+    frame::{Column, Columns, Stream},
     grid::BRICK_NODES,
     job::memory::{BASE_MEMORY, Grids},
     math::Vec3,
@@ -92,14 +92,14 @@ fn memory(particles: usize, grids: Grids, params: &SurfaceParams, attributes: f6
 }
 
 /// Bytes of the attributes of a vertex over those of a velocity.
-fn attribute_bytes(stream: &Stream, params: &SurfaceParams) -> f64 {
-    let bytes = |name: &String| match stream.channel(name) {
-        Some(ChannelData::F32(_) | ChannelData::U32(_)) => 4.0,
+fn attribute_bytes(particles: &Columns, params: &SurfaceParams) -> f64 {
+    let bytes = |name: &String| match particles.column(name) {
+        Some(Column::F32(_) | Column::U32(_)) => 4.0,
         _ => 12.0,
     };
     let requested = match &params.attributes {
         Some(names) => names.iter().map(bytes).sum(),
-        None if stream.vec3("velocity").is_some() => VELOCITY_BYTES,
+        None if particles.vec3("velocity").is_some() => VELOCITY_BYTES,
         None => 0.0,
     };
     requested - VELOCITY_BYTES
@@ -110,10 +110,15 @@ pub(crate) fn max_surface_memory(particles: usize, params: &SurfaceParams) -> u6
     surface_memory(particles, Grids::at_most(particles, params.voxel), params)
 }
 
-/// The memory that meshing a stream needs, by where its particles are [bytes]: a bound if that is at most `enough`, else an
-/// estimate, which takes longer.
-pub(crate) fn stream_memory(stream: &Stream, spacing: f32, params: &SurfaceParams, enough: u64) -> u64 {
-    let placed = Placed::new(stream, spacing, params);
+/// The memory that meshing particles needs, by where they are \[bytes\]: a bound if that is at most `enough`, else an
+/// estimate, which takes longer. Estimates of whole runs are 10 % low to 45 % high. Positions are finite.
+pub fn stream_memory<'a>(
+    particles: impl Into<Columns<'a>>,
+    spacing: f32,
+    params: &'a SurfaceParams,
+    enough: u64,
+) -> u64 {
+    let placed = Placed::new(particles, spacing, params);
     let bound = placed.memory(Grids::of_bricks(placed.bricks(1.0) as f64));
     if bound <= enough { bound } else { placed.estimate(enough).bytes.min(bound) }
 }
@@ -136,9 +141,9 @@ pub(super) fn estimated_memory(
     Placed::new(stream, spacing, params).estimate(affordable)
 }
 
-/// The particles of a stream, and how they are meshed.
+/// Particles, and how they are meshed.
 struct Placed<'a> {
-    stream: &'a Stream,
+    particles: Columns<'a>,
     positions: &'a [Vec3],
     radii: Option<RadiusScales>,
     spacing: f32,
@@ -146,11 +151,12 @@ struct Placed<'a> {
 }
 
 impl<'a> Placed<'a> {
-    fn new(stream: &'a Stream, spacing: f32, params: &'a SurfaceParams) -> Self {
-        let positions = stream.vec3("position").unwrap_or_default();
+    fn new(particles: impl Into<Columns<'a>>, spacing: f32, params: &'a SurfaceParams) -> Self {
+        let particles = particles.into();
+        let positions = particles.vec3("position").unwrap_or_default();
         // Where radii are missing, meshing fails and needs nothing.
-        let radii = RadiusScales::of(stream, spacing, params).ok().flatten();
-        Self { stream, positions, radii, spacing, params }
+        let radii = RadiusScales::of(&particles, spacing, params).ok().flatten();
+        Self { particles, positions, radii, spacing, params }
     }
 
     fn scales(&self) -> Option<&[f32]> {
@@ -164,9 +170,9 @@ impl<'a> Placed<'a> {
     }
 
     fn memory(&self, grids: Grids) -> u64 {
-        let Self { stream, spacing, params, .. } = *self;
-        memory(stream.len(), grids, params, attribute_bytes(stream, params))
-            + copied_bytes(stream, spacing, params)
+        let Self { particles, spacing, params, .. } = self;
+        memory(particles.len(), grids, params, attribute_bytes(particles, params))
+            + copied_bytes(particles, *spacing, params)
     }
 
     fn estimate(&self, affordable: u64) -> MemoryEstimate {
@@ -196,14 +202,14 @@ impl<'a> Placed<'a> {
     }
 }
 
-/// Bytes of the copy of a stream that is far from the origin.
-fn copied_bytes(stream: &Stream, spacing: f32, params: &SurfaceParams) -> u64 {
-    let bytes = |data: &ChannelData| match data {
-        ChannelData::F32(_) | ChannelData::U32(_) => 4,
-        ChannelData::Vec3(_) => 12,
+/// Bytes of the copy of particles that are far from the origin.
+fn copied_bytes(particles: &Columns, spacing: f32, params: &SurfaceParams) -> u64 {
+    let bytes = |column: &Column| match column {
+        Column::F32(_) | Column::U32(_) => 4,
+        Column::Vec3(_) => 12,
     };
-    let each: usize = stream.channels().iter().map(|channel| bytes(&channel.data)).sum();
-    if is_far(stream, params.voxel * spacing) { (stream.len() * each) as u64 } else { 0 }
+    let each: usize = particles.columns().iter().map(|(_, column)| bytes(column)).sum();
+    if is_far(particles, params.voxel * spacing) { (particles.len() * each) as u64 } else { 0 }
 }
 
 /// The memory that meshing a stream takes, from which `triangles` were made [bytes].

@@ -15,6 +15,7 @@ mod writer;
 pub(crate) use bounds::{GridBounds, SurfaceBounds, surface_bounds};
 pub(crate) use bricks::bricks_around;
 pub(super) use folder::SurfaceMesh;
+pub use memory::stream_memory;
 
 #[cfg(test)]
 pub(crate) use memory::surface_memory;

@@ -48,10 +48,11 @@ shape = { grid = { origin = [8, 0, 1], first = [1, 0, 0], second = [0, 1, 0], ce
 [sheets.solver]
 "#;
 
-/// A test for each document with commands.
+/// A test for each document with commands. The long ones are left to the soak.
 macro_rules! documents {
-    ($($name:ident: $document:literal,)*) => {
-        $(#[test]
+    ($($(#[$attribute:meta])* $name:ident: $document:literal,)*) => {
+        $($(#[$attribute])*
+        #[test]
         fn $name() {
             follow($document);
         })*
@@ -61,6 +62,7 @@ macro_rules! documents {
 }
 
 documents! {
+    #[ignore = "takes long: tools/soak/run"]
     readme: "README.md",
     adding_a_system: "docs/adding-a-system.md",
     benchmarks: "docs/benchmarks.md",
@@ -70,13 +72,18 @@ documents! {
     farm_guide: "docs/farm.md",
     usd_format: "docs/formats/usd.md",
     shot_format: "docs/formats/shot.md",
+    #[ignore = "takes long: tools/soak/run"]
     gallery: "docs/gallery.md",
     kernels: "docs/kernels.md",
     liquid: "docs/liquid.md",
     meshing_guide: "docs/meshing.md",
+    #[ignore = "takes long: tools/soak/run"]
     paper: "docs/paper.md",
+    #[ignore = "takes long: tools/soak/run"]
     plan_guide: "docs/plan.md",
+    #[ignore = "takes long: tools/soak/run"]
     preview_guide: "docs/preview.md",
+    #[ignore = "takes long: tools/soak/run"]
     recipes: "docs/recipes.md",
     sheet_scenes_guide: "docs/sheet-scenes.md",
     sheets_guide: "docs/sheets.md",
@@ -84,6 +91,7 @@ documents! {
     stability: "docs/stability.md",
     tiers: "docs/tiers.md",
     tradeoff_guide: "docs/tradeoff.md",
+    #[ignore = "takes long: tools/soak/run"]
     tutorial: "docs/tutorial.md",
     vortices: "docs/vortices.md",
     whitewater_guide: "docs/whitewater.md",

@@ -19,7 +19,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING
 
-from ._errors import Interrupted, MeniscusError, ParameterError, ParticleError, ProgramError, SurfaceWarning
+from ._errors import Interrupted, MeniscusError, OutOfMemoryError, ParameterError, ParticleError, ProgramError, SurfaceWarning
 from ._program import Progress, Shot, program, run, shot, simulate
 from ._version import VERSION as __version__
 
@@ -32,6 +32,7 @@ __all__ = [
     "Interrupted",
     "MeniscusError",
     "Mesh",
+    "OutOfMemoryError",
     "ParameterError",
     "ParticleError",
     "ProgramError",

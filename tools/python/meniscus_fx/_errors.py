@@ -18,6 +18,10 @@ class ParticleError(MeniscusError, ValueError):
     """An array of particles has the wrong shape or holds numbers that are not finite; the message has the index."""
 
 
+class OutOfMemoryError(MeniscusError, MemoryError):
+    """A surface needs more memory than `max_memory` allows or the system grants."""
+
+
 class Interrupted(MeniscusError):
     """The call was cancelled from another thread."""
 

@@ -110,6 +110,7 @@ def reconstruct(
     radius: ArrayLike | None = None,
     attributes: Mapping[str, ArrayLike] | None = None,
     threads: int = 0,
+    max_memory: int | None = None,
     **surface: Any,
 ) -> Mesh:
     """The surface of particles as a closed triangle mesh.
@@ -127,12 +128,14 @@ def reconstruct(
         radius: Radii of the particles [m], shape (n,): each kernel scales with its particle's.
         attributes: Further values per particle, shape (n,) or (n, 3), interpolated to the vertices under the same names.
         threads: Threads to compute with, at most 1024; 0 uses every core.
+        max_memory: Memory that the surface may need [bytes], by an estimate before it is made; None: what the system grants.
         **surface: Keys of [surface] (docs/parameters.md): `voxel=0.5`, `kernel_radius=2`, `smoothing={"wavelength": 6}`,
             `anisotropy={}`, `components={}`, `decimation={"fraction": 0.5}` …; None removes a term that the tier has.
 
     Raises:
         ParameterError: a parameter is unknown or out of range; the message has the range. It is a ValueError.
         ParticleError: an array has the wrong shape, or numbers that are not finite, with the index. It is a ValueError.
+        OutOfMemoryError: there is too little memory. It is a MemoryError.
 
     Warns:
         SurfaceWarning: particles are left out or limited, with their number, or the mesh is not sound.
@@ -155,7 +158,7 @@ def reconstruct(
             raise ParticleError(f"{name}: found {len(values)} values, expected {count}, as many as positions")
     if attributes and "attributes" not in surface:
         surface["attributes"] = [name for name in columns if name not in ("position", "radius")]
-    mesh = Mesh(_made(columns, spacing, quality, threads, surface))
+    mesh = Mesh(_made(columns, spacing, quality, threads, max_memory, surface))
     for number, what in mesh.report["losses"]:
         warnings.warn(f"{number} {what}", SurfaceWarning, stacklevel=2)
     if not mesh.is_sound:
@@ -195,11 +198,18 @@ def _finite(name: str, array: NDArray[Any]) -> NDArray[Any]:
 
 
 def _made(
-    columns: Mapping[str, NDArray[Any]], spacing: float, quality: str | None, threads: int, surface: Mapping[str, Any]
+    columns: Mapping[str, NDArray[Any]],
+    spacing: float,
+    quality: str | None,
+    threads: int,
+    max_memory: int | None,
+    surface: Mapping[str, Any],
 ) -> _native.Outcome:
     """The outcome of the library's call, which read the columns in place."""
     if isinstance(threads, bool) or not isinstance(threads, int) or not 0 <= threads <= 1024:
         raise ParameterError(f"threads: found {threads!r}, expected an integer from 0 to 1024")
+    if max_memory is not None and (isinstance(max_memory, bool) or not isinstance(max_memory, int) or not 0 < max_memory < 1 << 64):
+        raise ParameterError(f"max_memory: found {max_memory!r}, expected a number of bytes or None")
     try:
         spacing = float(spacing)
     except (TypeError, ValueError):
@@ -217,7 +227,7 @@ def _made(
     flag = _native.Flag()
     request = _native.RawRequest(
         len(columns["position"]), raw_columns, len(columns), spacing, _native.text(tier), raw_settings, len(settings),
-        threads, flag.address,
+        threads, max_memory or 0, flag.address,
     )  # fmt: skip
     outcome = _called(request, flag, (columns, names, settings, tier, raw_columns, raw_settings))
     outcome.check()
@@ -235,7 +245,9 @@ def _called(request: _native.RawRequest, flag: _native.Flag, read: object) -> _n
     def call(flag: _native.Flag = flag, read: object = read) -> None:
         outcome = None
         try:
+            reading = _native.Reading(request, flag, read)
             outcome = _native.Outcome(library.meniscus_reconstruct(ctypes.byref(request)))
+            reading.end(outcome)
         finally:
             found.append(outcome)
             ended.release()

@@ -8,9 +8,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from ._errors import Interrupted, MeniscusError, ParameterError, ParticleError
+from ._errors import Interrupted, MeniscusError, OutOfMemoryError, ParameterError, ParticleError
 
-ABI = 1
+ABI = 2
 NAMES = {"win32": "meniscus_native.dll", "darwin": "libmeniscus_native.dylib"}
 PATH = Path(__file__).resolve().parent / "lib" / NAMES.get(sys.platform, "libmeniscus_native.so")
 
@@ -44,6 +44,7 @@ class RawRequest(ctypes.Structure):
         ("settings", ctypes.POINTER(Text)),
         ("setting_count", ctypes.c_size_t),
         ("threads", ctypes.c_size_t),
+        ("max_memory", ctypes.c_uint64),
         ("cancel", ctypes.c_void_p),
     ]
 
@@ -71,6 +72,9 @@ FUNCTIONS = {
 }
 
 _loaded: ctypes.CDLL | None = None
+# Status of a call whose threads wait for memory for ever: what it reads stays in `_read`.
+ABANDONED = 6
+_read: dict[Reading, object] = {}
 
 
 def library() -> ctypes.CDLL:
@@ -112,6 +116,19 @@ class Flag:
         library().meniscus_cancel_set(self.address)
 
 
+class Reading:
+    """Keeps what a call reads, until its threads do not read it any more."""
+
+    def __init__(self, *read: object) -> None:
+        # Noted before the call: afterwards there may be no memory for it.
+        _read[self] = read
+
+    def end(self, outcome: Outcome | None) -> None:
+        """The call ended with this outcome; None: without one."""
+        if outcome is None or outcome.status() != ABANDONED:
+            del _read[self]
+
+
 class Outcome:
     """Owns the result of a call, which is freed with it. It never changes, so that copies share it."""
 
@@ -135,7 +152,7 @@ class Outcome:
 
     def check(self) -> None:
         """Raises the error that the call ended with, if it did."""
-        status = library().meniscus_outcome_status(self.address)
+        status = self.status()
         message = self.text()
         if status == 1:
             raise ParameterError(message)
@@ -143,8 +160,13 @@ class Outcome:
             raise ParticleError(message)
         if status == 3:
             raise Interrupted(message)
+        if status in (5, ABANDONED):
+            raise OutOfMemoryError(message)
         if status != 0:
             raise MeniscusError(f"a bug in meniscus {library().meniscus_version()}: {message}")
+
+    def status(self) -> int:
+        return int(library().meniscus_outcome_status(self.address))
 
     def text(self) -> str:
         return str(library().meniscus_outcome_text(self.address))
@@ -155,6 +177,11 @@ class Outcome:
 
     def write(self, path: str) -> None:
         encoded = path.encode("utf-8")
-        failed = library().meniscus_outcome_write(self.address, text(encoded))
+        reading, failed = Reading(self), None
+        try:
+            address = library().meniscus_outcome_write(self.address, text(encoded))
+            failed = Outcome(address) if address is not None else None
+        finally:
+            reading.end(failed)
         if failed is not None:
-            Outcome(failed).check()
+            failed.check()

@@ -16,7 +16,7 @@ from __future__ import annotations
 import os
 import struct
 import sys
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy
 
@@ -25,11 +25,14 @@ try:
 except ImportError:
     xxhash = None  # type: ignore[assignment, unused-ignore]
 
-try:
+if TYPE_CHECKING:
     from ._errors import MeniscusError
-except ImportError:
-    # This file works alone, too.
-    MeniscusError = Exception  # type: ignore[assignment, misc, unused-ignore]
+else:
+    try:
+        from ._errors import MeniscusError
+    except ImportError:
+        # This file works alone, too.
+        MeniscusError = Exception
 
 MAGIC = b"\x89MCF\r\n\x1a\n"
 END = b"MCF-END\n"

@@ -27,6 +27,21 @@ IS_INSTALLED = _native.PATH.is_file()
 SPACING = 0.05
 
 
+# Start of a script that changes how much memory it may take [bytes].
+LIMITED = """
+import resource
+import numpy
+import meniscus_fx as mf
+from meniscus_fx import _mesh
+def used():
+    return int(open("/proc/self/statm").read().split()[0]) << 12
+def resident():
+    return int(open("/proc/self/statm").read().split()[1]) << 12
+def limit(bytes):
+    resource.setrlimit(resource.RLIMIT_AS, (bytes, resource.RLIM_INFINITY))
+"""
+
+
 # A shell that runs the tests in the background ignores Ctrl-C in them, and in all that they start.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -40,6 +55,10 @@ def block(n=8, spacing=SPACING):
 
 def volume_of_a_block(positions):
     return len(mf.reconstruct(positions, SPACING).vertices)
+
+
+def write_a_block(positions, path):
+    mf.reconstruct(positions, SPACING).write(path)
 
 
 def same(a, b):
@@ -303,20 +322,89 @@ print("done")
 
     @unittest.skipUnless(sys.platform == "linux", "limits of memory are Linux's")
     def test_threads_that_the_system_refuses_are_reported(self):
-        script = """
-import resource
-import numpy
-import meniscus_fx as mf
+        script = LIMITED + """
 mf.reconstruct(numpy.zeros((1, 3)), 0.1)
-pages = int(open("/proc/self/statm").read().split()[0])
-resource.setrlimit(resource.RLIMIT_AS, ((pages << 12) + (256 << 20), resource.RLIM_INFINITY))
+limit(used() + (256 << 20))
 try:
     mf.reconstruct(numpy.zeros((1, 3)), 0.1, threads=1000)
-except mf.ParameterError as error:
+except mf.OutOfMemoryError as error:
     print(error)
 """
         done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
-        self.assertRegex(done.stdout, "threads: the system refused to start 1000 .*pass fewer", done.stderr)
+        self.assertRegex(done.stdout, "the system refused memory for 1000 threads.*pass fewer", done.stderr)
+
+    @unittest.skipUnless(sys.platform == "linux", "limits of memory are Linux's")
+    def test_refused_memory_is_a_memory_error(self):
+        script = LIMITED + """
+import sys
+x = numpy.random.default_rng(0).uniform(0, 1, (20_000, 3)).astype(numpy.float32)
+limit(used() + (int(sys.argv[1]) << 20))
+try:
+    print(len(mf.reconstruct(x, 0.04, voxel=0.25, threads=2).vertices))
+except MemoryError as error:
+    print("refused", type(error).__name__, error)
+limit(resource.RLIM_INFINITY)
+assert mf.reconstruct(numpy.zeros((1, 3)), 0.1).is_sound
+"""
+        outcomes = []
+        for megabytes in (24, 48, 80, 112, 144, 192, 256, 512, 4096):
+            done = subprocess.run([sys.executable, "-c", script, str(megabytes)], capture_output=True, text=True, timeout=120)
+            self.assertEqual(done.returncode, 0, f"{megabytes} MiB: {done.stdout} {done.stderr}")
+            outcomes.append(done.stdout)
+        refused = [outcome.startswith("refused OutOfMemoryError ") for outcome in outcomes]
+        self.assertEqual((refused[0], refused[-1]), (True, False), outcomes)
+        # Where there is enough, the mesh is the same.
+        self.assertEqual(len({outcome for outcome in outcomes if not outcome.startswith("refused")}), 1, outcomes)
+        self.assertTrue(any("the surface needs about" in outcome for outcome in outcomes), outcomes)
+
+    @unittest.skipUnless(sys.platform == "linux", "limits of memory are Linux's")
+    def test_memory_that_is_refused_in_the_midst_of_a_call_ends_it(self):
+        # 0 MiB: the reserve that is freed then suffices. Below: nothing does, and the call is left, with what it reads.
+        script = LIMITED + """
+import sys, threading, time, gc
+from meniscus_fx import _native
+x = numpy.random.default_rng(0).uniform(0, 1, (150_000, 3)).astype(numpy.float32)
+def later():
+    # By then the estimate was granted, and the work is under way.
+    while resident() < before + (80 << 20):
+        time.sleep(0.01)
+    limit(max(used() + (int(sys.argv[1]) << 20), 1 << 20))
+before = resident()
+threading.Thread(target=later, daemon=True).start()
+try:
+    print(mf.reconstruct(x, 0.02, voxel=0.3, threads=2))
+except mf.OutOfMemoryError as error:
+    print(error)
+limit(resource.RLIM_INFINITY)
+gc.collect()
+print(len(_native._read))
+assert mf.reconstruct(numpy.zeros((1, 3)), 0.1).is_sound
+"""
+        for megabytes, message, left in ((0, "the system refused memory: .*or voxel$", 0), (-100_000, "stays taken until the process ends$", 1)):
+            with self.subTest(megabytes):
+                command = [sys.executable, "-c", script, str(megabytes)]
+                done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+                self.assertEqual(done.returncode, 0, done.stderr)
+                first, second = done.stdout.splitlines()
+                self.assertRegex(first, message)
+                self.assertEqual(second, str(left))
+
+    def test_memory_over_the_limit_is_refused_before_the_work(self):
+        with self.assertRaisesRegex(MemoryError, r"needs about \d+ MB of memory, of which 2 MB is allowed by max_memory"):
+            mf.reconstruct(self.positions, SPACING, max_memory=2_000_000)
+        self.assertTrue(same(mf.reconstruct(self.positions, SPACING, max_memory=1 << 30), self.mesh))
+        for wrong in (0, -1, 1.5, True, 1 << 64):
+            with self.subTest(wrong), self.assertRaisesRegex(mf.ParameterError, "max_memory: found"):
+                mf.reconstruct(self.positions, SPACING, max_memory=wrong)
+
+    @unittest.skipUnless(hasattr(os, "fork"), "this system does not fork")
+    def test_a_forked_process_writes_too(self):
+        with tempfile.TemporaryDirectory() as folder:
+            here, there = (pathlib.Path(folder) / name for name in ("here.ply", "there.ply"))
+            self.mesh.write(here)
+            with multiprocessing.get_context("fork").Pool(1) as pool:
+                pool.apply_async(write_a_block, [self.positions, there]).get(timeout=60)
+            self.assertEqual(here.read_bytes(), there.read_bytes())
 
     def test_ctrl_c_stops_a_call(self):
         # The call stops after the pass that runs: density, anisotropy and smoothing take a second each at least.
@@ -481,7 +569,7 @@ class Checkout(unittest.TestCase):
         for found, library in (("7", Older()), ("None", object())):
             loaded, load, _native._loaded, ctypes.CDLL = _native._loaded, ctypes.CDLL, None, lambda _, library=library: library
             try:
-                with self.subTest(found), self.assertRaisesRegex(mf.MeniscusError, f"found interface {found}, expected 1"):
+                with self.subTest(found), self.assertRaisesRegex(mf.MeniscusError, f"found interface {found}, expected {_native.ABI}"):
                     _native.library()
             finally:
                 _native._loaded, ctypes.CDLL = loaded, load

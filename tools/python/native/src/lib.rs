@@ -1,30 +1,29 @@
 //! C interface of [`meniscus::mesh::reconstruct`] for the Python package `meniscus_fx` (`tools/python/meniscus_fx/_native.py`).
 //!
 //! Arrays come in as pointers and are read in place. A call gives an [`Outcome`], which owns the mesh: its columns are pointers into
-//! it, valid until [`meniscus_outcome_free`]. No panic leaves a function: an unwinding panic becomes an outcome of its own.
+//! it, valid until [`meniscus_outcome_free`]. No panic leaves a function: an unwinding panic becomes an outcome of its own, and so
+//! does memory that the system refuses (`memory.rs`).
 //!
 //! `docs/decisions/037-python-module.md` has the reasons. Each `unsafe` names the part of the contract that it relies on; the caller
 //! keeps the contract in one file, next to [`ABI`].
 
+mod call;
+mod memory;
 mod outcome;
 mod request;
 
+use call::supervised;
 use meniscus::{
     control::CancelToken,
     frame::{Column, Columns},
     math::Vec3,
 };
 use outcome::{Outcome, OutcomeColumn};
-use request::{Failure, Request, panic_text};
-use std::{
-    ffi::c_void,
-    panic::{AssertUnwindSafe, catch_unwind},
-    path::Path,
-    ptr, slice, str,
-};
+use request::{Failure, Request};
+use std::{ffi::c_void, path::PathBuf, ptr, slice, str};
 
 /// Version of this interface, which the Python side compares with its own.
-const ABI: u32 = 1;
+const ABI: u32 = 2;
 
 /// UTF-8 text that belongs to the other side of a call.
 #[repr(C)]
@@ -68,6 +67,8 @@ pub struct RawRequest {
     pub setting_count: usize,
     /// Threads; 0: one a core.
     pub threads: usize,
+    /// Memory that the surface may need [bytes]; 0: what the system grants.
+    pub max_memory: u64,
     /// Flag from [`meniscus_cancel_new`].
     pub cancel: *const CancelToken,
 }
@@ -113,25 +114,33 @@ pub unsafe extern "C" fn meniscus_cancel_free(flag: *mut CancelToken) {
 /// Makes the surface of particles. Never null; to be freed by [`meniscus_outcome_free`].
 ///
 /// # Safety
-/// All pointers of the request are valid for reads of the lengths next to them until the call returns, and nothing writes there.
+/// All pointers of the request are valid for reads of the lengths next to them until the call returns, and nothing writes there. If
+/// the status is 6, this holds until the process ends.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meniscus_reconstruct(request: *const RawRequest) -> *mut Outcome {
-    let outcome = without_unwinding(|| {
+    // SAFETY: the caller's contract.
+    let raw = unsafe { *request };
+    // SAFETY: likewise.
+    let cancel = unsafe { &*raw.cancel }.clone();
+    let request = Shared(raw);
+    let outcome = supervised(cancel, move |memory| {
+        let request = request;
         // SAFETY: the caller's contract.
-        let raw = unsafe { &*request };
-        // SAFETY: likewise.
-        let made = unsafe { read_request(raw) }.and_then(|request| {
-            // SAFETY: likewise.
-            let cancel = unsafe { &*raw.cancel };
-            request.run(cancel)
-        });
+        let made = unsafe { read_request(&request.0) }.and_then(|request| request.run(memory));
         // Its report is made here, too.
         Some(Outcome::new(made))
     });
     outcome.map_or(ptr::null_mut(), |outcome| Box::into_raw(Box::new(outcome)))
 }
 
-/// Whether there is a mesh (0), or why not: 1 a parameter, 2 the particles, 3 cancelled, 4 a bug.
+/// What belongs to the caller, for the thread of a call.
+struct Shared<T>(T);
+
+// SAFETY: the callers of `meniscus_reconstruct` and `meniscus_outcome_write` keep what it points to, and nothing writes there.
+unsafe impl<T> Send for Shared<T> {}
+
+/// Whether there is a mesh (0), or why not: 1 a parameter, 2 the particles, 3 cancelled, 4 a bug, 5 the system refused memory, 6 as 5, and
+/// threads of the call still use what was passed to it.
 ///
 /// # Safety
 /// `outcome` is from [`meniscus_reconstruct`] and was not freed.
@@ -175,13 +184,17 @@ pub unsafe extern "C" fn meniscus_outcome_column(outcome: *const Outcome, column
 /// by [`meniscus_outcome_free`].
 ///
 /// # Safety
-/// As [`meniscus_outcome_status`]; `path` is valid for reads of its length.
+/// As [`meniscus_outcome_status`]; `path` is valid for reads of its length. If the status of what is returned is 6, `outcome` is not
+/// freed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn meniscus_outcome_write(outcome: *const Outcome, path: Text) -> *mut Outcome {
-    let failure = without_unwinding(|| {
-        // SAFETY: the caller's contract.
-        let (outcome, path) = unsafe { (&*outcome, read_text(path)) };
-        let written = path.and_then(|path| outcome.write(Path::new(path)));
+    // SAFETY: the caller's contract.
+    let path = unsafe { read_text(path) }.map(PathBuf::from);
+    // SAFETY: likewise.
+    let outcome: Shared<&'static Outcome> = Shared(unsafe { &*outcome });
+    let failure = supervised(CancelToken::new(), move |memory| {
+        let outcome = outcome;
+        let written = path.and_then(|path| outcome.0.write(&path, memory));
         written.err().map(|failure| Outcome::new(Err(failure)))
     });
     failure.map_or(ptr::null_mut(), |failure| Box::into_raw(Box::new(failure)))
@@ -197,17 +210,11 @@ pub unsafe extern "C" fn meniscus_outcome_free(outcome: *mut Outcome) {
     drop(unsafe { Box::from_raw(outcome) });
 }
 
-/// The result of a job, or the outcome of its panic.
-fn without_unwinding(job: impl FnOnce() -> Option<Outcome>) -> Option<Outcome> {
-    catch_unwind(AssertUnwindSafe(job))
-        .unwrap_or_else(|panic| Some(Outcome::new(Err(Failure::Internal(panic_text(&*panic))))))
-}
-
 /// The request, borrowed from its caller.
 ///
 /// # Safety
 /// As [`meniscus_reconstruct`].
-unsafe fn read_request(raw: &RawRequest) -> Result<Request<'_>, Failure> {
+unsafe fn read_request(raw: &RawRequest) -> Result<Request<'static>, Failure> {
     // SAFETY: the caller's contract, also for every line below.
     let columns = unsafe { array(raw.columns, raw.column_count) };
     let mut particles = Columns::new(raw.particles);
@@ -247,6 +254,7 @@ unsafe fn read_request(raw: &RawRequest) -> Result<Request<'_>, Failure> {
         quality: unsafe { read_text(raw.quality) }?,
         settings: settings.collect::<Result<_, _>>()?,
         threads: raw.threads,
+        max_memory: raw.max_memory,
     })
 }
 
@@ -275,16 +283,4 @@ unsafe fn read_text<'a>(text: Text) -> Result<&'a str, Failure> {
 /// A text for the caller.
 pub(crate) fn text_of(text: &str) -> Text {
     Text { data: text.as_ptr(), len: text.len() }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_panic_is_an_outcome() {
-        let outcome = without_unwinding(|| panic!("planted")).unwrap();
-        assert_eq!((outcome.status(), outcome.text()), (4, "planted"));
-        assert!(without_unwinding(|| None).is_none());
-    }
 }

@@ -1,6 +1,6 @@
 //! The result of a call: a surface with pointers to its columns, or the message of a failure.
 
-use crate::{Text, request::Failure, text_of};
+use crate::{Text, call, memory::CallMemory, request::Failure, text_of};
 use meniscus::{
     export::{obj, ply},
     frame::ChannelData,
@@ -40,6 +40,11 @@ pub struct Outcome {
     columns: Vec<OutcomeColumn>,
 }
 
+// SAFETY: the pointers are to what the outcome owns, which nothing changes.
+unsafe impl Send for Outcome {}
+// SAFETY: likewise.
+unsafe impl Sync for Outcome {}
+
 impl Outcome {
     pub(crate) fn new(made: Result<Surface, Failure>) -> Self {
         let failed =
@@ -50,6 +55,13 @@ impl Outcome {
             Err(Failure::Particles(text)) => failed(2, text),
             Err(Failure::Interrupted) => failed(3, "interrupted during surface reconstruction".to_owned()),
             Err(Failure::Internal(text)) => failed(4, text),
+            Err(Failure::Memory(text)) => failed(5, text),
+            Err(Failure::Abandoned) => {
+                let Failure::Memory(text) = call::refused() else {
+                    unreachable!("it is a failure of memory")
+                };
+                failed(6, format!("{text}; what the call had taken stays taken until the process ends"))
+            }
         }
     }
 
@@ -102,22 +114,24 @@ impl Outcome {
         &self.columns
     }
 
-    /// Writes the mesh, PLY or OBJ by the path's ending.
-    pub(crate) fn write(&self, path: &Path) -> Result<(), Failure> {
+    /// Writes the mesh, PLY or OBJ by the path's ending. Its threads are its own, as those of a reconstruction.
+    pub(crate) fn write(&self, path: &Path, memory: &CallMemory) -> Result<(), Failure> {
         let Some(surface) = &self.surface else {
             return Err(Failure::Internal("there is no mesh to write".to_owned()));
         };
         let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-        let written = match &*ending {
-            "ply" => ply::write(&surface.mesh, path, &[]),
-            "obj" => obj::write(&surface.mesh, path, &[]),
+        let write = match &*ending {
+            "ply" => ply::write,
+            "obj" => obj::write,
             _ => {
                 let found =
                     format!("path: found the ending `{}`, expected `.ply` or `.obj`", ending.escape_debug());
                 return Err(Failure::Parameter(found));
             }
         };
-        written.map(drop).map_err(|error| Failure::Particles(error.to_string()))
+        call::on_threads(memory, 0, || write(&surface.mesh, path, &[]))?
+            .map(drop)
+            .map_err(|error| Failure::Particles(error.to_string()))
     }
 }
 

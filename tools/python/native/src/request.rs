@@ -1,16 +1,15 @@
 //! What a caller wants of a surface, checked, and the surface or why there is none.
 
+use crate::{
+    call,
+    memory::{CallMemory, granted_part},
+};
 use meniscus::{
-    control::CancelToken,
     frame::{Columns, SPACING_RANGE},
     mesh::{self, Surface, SurfaceError, SurfaceParams},
-    par,
     scene::{self, Problem, Quality, SceneError},
 };
-use std::{
-    any::Any,
-    panic::{AssertUnwindSafe, catch_unwind},
-};
+use std::any::Any;
 
 /// Largest number of threads, that of the program's `--threads`.
 const MAX_THREADS: usize = 1024;
@@ -26,6 +25,8 @@ pub(crate) struct Request<'a> {
     pub(crate) settings: Vec<String>,
     /// Threads to compute with; 0: one a core.
     pub(crate) threads: usize,
+    /// Memory that the surface may need [bytes]; 0: what the system grants.
+    pub(crate) max_memory: u64,
 }
 
 /// Why there is no surface.
@@ -39,11 +40,15 @@ pub(crate) enum Failure {
     Interrupted,
     /// A bug.
     Internal(String),
+    /// There is too little memory.
+    Memory(String),
+    /// There was too little memory, and threads of the call wait for it for ever.
+    Abandoned,
 }
 
 impl Request<'_> {
-    /// The surface. A panic is a failure like others.
-    pub(crate) fn run(&self, cancel: &CancelToken) -> Result<Surface, Failure> {
+    /// The surface.
+    pub(crate) fn run(&self, memory: &CallMemory) -> Result<Surface, Failure> {
         let spacing = self.checked_spacing()?;
         let params = self.checked_params()?;
         if self.threads > MAX_THREADS {
@@ -51,20 +56,36 @@ impl Request<'_> {
             return Err(Failure::Parameter(format!("threads: found {found}, expected 0 to {MAX_THREADS}")));
         }
         // A pool for this call alone: the threads of a global one do not survive a fork of the interpreter.
-        let make = || {
-            par::try_with_threads(self.threads, || {
-                mesh::reconstruct(&self.particles, spacing, &params, cancel)
-            })
-        };
-        match catch_unwind(AssertUnwindSafe(make)) {
-            Ok(Ok(Ok(surface))) => Ok(surface),
-            Ok(Ok(Err(SurfaceError::Interrupted))) => Err(Failure::Interrupted),
-            Ok(Ok(Err(error))) => Err(Failure::Particles(error.to_string())),
-            Ok(Err(refused)) => Err(Failure::Parameter(format!(
-                "threads: the system refused to start {} ({refused}); pass fewer, or allow more processes (`ulimit -u`)",
-                if self.threads == 0 { "one for every core".into() } else { self.threads.to_string() }
-            ))),
-            Err(panic) => Err(Failure::Internal(panic_text(&*panic))),
+        let made = call::on_threads(memory, self.threads, || {
+            mesh::positions(&self.particles).map_err(|error| Failure::Particles(error.to_string()))?;
+            self.check_memory(spacing, &params, memory)?;
+            match mesh::reconstruct(&self.particles, spacing, &params, memory.cancel()) {
+                Err(SurfaceError::Interrupted) if memory.was_refused() => Err(call::refused()),
+                Err(SurfaceError::Interrupted) => Err(Failure::Interrupted),
+                made => made.map_err(|error| Failure::Particles(error.to_string())),
+            }
+        });
+        made?
+    }
+
+    /// Whether the memory that the surface needs is allowed and granted; its reserve is kept.
+    fn check_memory(&self, spacing: f32, params: &SurfaceParams, memory: &CallMemory) -> Result<(), Failure> {
+        let needed = |enough: u64| scene::stream_memory(&self.particles, spacing, params, enough);
+        let allowed = if self.max_memory == 0 { u64::MAX } else { self.max_memory };
+        let bound = needed(allowed);
+        if bound > allowed {
+            return Err(over_memory(bound, allowed, "is allowed by max_memory"));
+        }
+        if memory.hold(bound) {
+            return Ok(());
+        }
+        // The bound may be several times what is needed; an estimate takes longer.
+        let free = granted_part(bound);
+        let estimate = needed(free);
+        if memory.hold(estimate) {
+            Ok(())
+        } else {
+            Err(over_memory(estimate, free, "is granted by the system"))
         }
     }
 
@@ -100,6 +121,17 @@ impl Request<'_> {
     }
 }
 
+/// The failure where a surface needs more memory than there is.
+fn over_memory(needed: u64, available: u64, whose: &str) -> Failure {
+    let megabytes = |bytes: u64| bytes as f64 / 1e6;
+    Failure::Memory(format!(
+        "the surface needs about {:.0} MB of memory, of which {:.0} MB {whose}; choose a larger voxel or spacing, fewer terms, or parts \
+         of the particles",
+        megabytes(needed),
+        megabytes(available)
+    ))
+}
+
 /// A problem with what was found and the next step.
 fn explained(problem: &Problem) -> String {
     let mut text = format!("{}: {}", problem.message, problem.label);
@@ -122,7 +154,7 @@ pub(crate) fn panic_text(panic: &(dyn Any + Send)) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use meniscus::{frame::Column, math::Vec3};
+    use meniscus::{control::CancelToken, frame::Column, math::Vec3};
 
     fn request<'a>(positions: &'a [Vec3], settings: &[&str]) -> Request<'a> {
         Request {
@@ -131,11 +163,16 @@ mod tests {
             quality: "",
             settings: settings.iter().map(|&text| text.to_owned()).collect(),
             threads: 1,
+            max_memory: 0,
         }
     }
 
+    fn made(request: &Request, cancel: &CancelToken) -> Result<Surface, Failure> {
+        request.run(&CallMemory::new(cancel.clone()))
+    }
+
     fn failure(request: &Request) -> String {
-        match request.run(&CancelToken::new()) {
+        match made(request, &CancelToken::new()) {
             Err(Failure::Parameter(text)) => text,
             other => panic!("{:?}", other.map(|surface| surface.stats)),
         }
@@ -164,16 +201,29 @@ mod tests {
     #[test]
     fn particles_that_are_not_finite_and_cancelled_calls_are_failures() {
         let positions = [Vec3::zeros(), Vec3::new(0.0, f32::NAN, 0.0)];
-        let found = request(&positions, &[]).run(&CancelToken::new()).unwrap_err();
+        let found = made(&request(&positions, &[]), &CancelToken::new()).unwrap_err();
         assert!(matches!(&found, Failure::Particles(text) if text.contains("particle 1")), "{found:?}");
         let cancel = CancelToken::new();
         cancel.cancel();
-        assert_eq!(request(&positions[..1], &[]).run(&cancel).unwrap_err(), Failure::Interrupted);
+        assert_eq!(made(&request(&positions[..1], &[]), &cancel).unwrap_err(), Failure::Interrupted);
     }
 
     #[test]
     fn one_particle_is_a_sound_mesh() {
-        let surface = request(&[Vec3::zeros()], &[]).run(&CancelToken::new()).unwrap();
+        let surface = made(&request(&[Vec3::zeros()], &[]), &CancelToken::new()).unwrap();
         assert!(surface.check.is_sound() && surface.check.components == 1, "{:?}", surface.check);
+    }
+
+    #[test]
+    fn a_surface_that_needs_more_memory_than_is_allowed_or_granted_is_refused_before_it_is_made() {
+        let positions = [Vec3::zeros(), Vec3::new(1.0, 0.0, 0.0)];
+        let found = made(&Request { max_memory: 1 << 20, ..request(&positions, &[]) }, &CancelToken::new());
+        let Err(Failure::Memory(text)) = found else { panic!("{:?}", found.map(|surface| surface.stats)) };
+        assert!(
+            text.starts_with("the surface needs about 1") && text.contains("1 MB is allowed by max_memory"),
+            "{text}"
+        );
+        let surface = made(&Request { max_memory: 1 << 30, ..request(&positions, &[]) }, &CancelToken::new());
+        assert!(surface.unwrap().check.is_sound());
     }
 }
