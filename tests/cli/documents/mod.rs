@@ -87,6 +87,7 @@ documents! {
     recipes: "docs/recipes.md",
     sheet_scenes_guide: "docs/sheet-scenes.md",
     sheets_guide: "docs/sheets.md",
+    #[ignore = "takes long: tools/soak/run"]
     smoke_guide: "docs/smoke.md",
     stability: "docs/stability.md",
     tiers: "docs/tiers.md",
