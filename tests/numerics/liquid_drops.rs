@@ -74,7 +74,8 @@ fn drops_of_a_few_particles_stay_together() {
         let v = channel(&state(&simulation), "velocity");
         let mean = v.iter().sum::<Vec3>() / v.len() as f32;
         let expected = gravity * (60.0 / fps) as f32;
-        assert!((mean - expected).norm() < 2e-3, "{mean:?}, expected {expected:?}");
+        // Positions a metre from the origin are rounded to 0.06 µm in each of 480 substeps.
+        assert!((mean - expected).norm() < 4e-3, "{mean:?}, expected {expected:?}");
     }
 }
 

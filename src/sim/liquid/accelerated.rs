@@ -1,7 +1,7 @@
 //! The accelerated solver: projected Jacobi iterations with momentum and a warm start.
 //!
 //! *Method*: the substep is a complementarity problem: find pressures κ ≥ 0 that leave no compression, with κ = 0 where
-//! the liquid is below rest density. Its projected Jacobi iteration is κ ← max(0, κ + ω C/D), with the paper's
+//! the liquid is below rest density; inside the liquid κ may be a little below zero (docs/decisions/040). Its projected Jacobi iteration is κ ← max(0, κ + ω C/D), with the paper's
 //! denominator D ([pbf] Eq. 11). [nesterov83]'s momentum extrapolates κ; it restarts whenever it points uphill
 //! ([odonoghue15] section 3.2, gradient scheme). Changes of κ move particles as the paper's λ does (Eq. 12), with
 //! gradients at the positions that [`Directions`] names. A substep starts from a part of the last one's final pressures.
@@ -17,6 +17,7 @@
 //! is not corrected in that substep.
 
 use super::{
+    Kernel,
     density::{ConstraintError, Multiplier, MultiplierUpdate, Residual},
     setup::SolverSetup,
     solve::{Directions, Solver},
@@ -41,6 +42,11 @@ const WARM_START_WITH_TENSION: f32 = 0.3;
 const DIVERGENCE_GROWTH: f64 = 1.5;
 const RELAXATION_REDUCTION: f32 = 0.7;
 const MIN_RELAXATION: f32 = 0.1;
+
+/// Tensile strength of the liquid: largest −p/ρ₀ over the acceleration of gravity and forces times the spacing [1]. Liquid that falls faster
+/// at its lower end is stretched; with 0 it dilates, and tears into rings (docs/decisions/040). With 20 a thin jet tears into rags. The
+/// paper's kernels bear none: with it, a falling block has 380 shortened corrections.
+const TENSILE_STRENGTH: f32 = 4.0;
 
 /// Errors below this are rounding errors, and their growth is ignored. If larger, a growing mode is detected an iteration
 /// or two later; at 0 every substep with many iterations is slowed dozens of times.
@@ -150,9 +156,27 @@ impl Momentum {
 
     /// Evaluates every constraint and its change of pressure. The residual is the change of a step without momentum, so
     /// that dilation under pressure is an error like compression.
-    pub(super) fn evaluate(&mut self, solver: &mut Solver, setup: &SolverSetup<'_>, first: bool) -> Residual {
+    ///
+    /// The tensile strength follows from the `body_acceleration` [m/s²] of the liquid.
+    pub(super) fn evaluate(
+        &mut self,
+        solver: &mut Solver,
+        setup: &SolverSetup<'_>,
+        body_acceleration: f32,
+        first: bool,
+    ) -> Residual {
         let beta = self.age as f32 / (self.age + 3) as f32; // [nesterov83], as [odonoghue15] Eq. 4 has it
-        let step = AcceleratedUpdate { beta, relaxation: self.relaxation, smallest: setup.lower_bound() };
+        let rest = setup.rest;
+        let strength = match rest.kernel {
+            Kernel::Wendland => TENSILE_STRENGTH,
+            Kernel::Poly6Spiky => 0.0,
+        };
+        let step = AcceleratedUpdate {
+            beta,
+            relaxation: self.relaxation,
+            smallest: setup.lower_bound(),
+            tension: strength * body_acceleration * rest.spacing * self.dt * self.dt,
+        };
         let residual = if first {
             solver.evaluate::<true>(setup, &step)
         } else {
@@ -175,15 +199,23 @@ struct AcceleratedUpdate {
     beta: f32,
     /// ω of this substep.
     relaxation: f32,
-    /// Lower bound of κ.
+    /// Lower bound of κ at the surface [m²].
     smallest: f32,
+    /// How far κ inside the liquid may be below that [m²].
+    tension: f32,
 }
 
 impl MultiplierUpdate for AcceleratedUpdate {
     #[inline(always)]
-    fn update<L: Lanes>(&self, ratio: L, multiplier: Multiplier<L>) -> (Multiplier<L>, ConstraintError<L>) {
+    fn update<L: Lanes>(
+        &self,
+        ratio: L,
+        tensile_part: L,
+        multiplier: Multiplier<L>,
+    ) -> (Multiplier<L>, ConstraintError<L>) {
         let Multiplier { applied, last, denominator, .. } = multiplier;
-        let (smallest, relaxation) = (L::splat(self.smallest), L::splat(self.relaxation));
+        let relaxation = L::splat(self.relaxation);
+        let smallest = L::splat(self.smallest) - L::splat(self.tension) * tensile_part;
         let kappa = smallest.max(applied + relaxation * (ratio - L::splat(1.0)) / denominator);
         let ahead = smallest.max(kappa + L::splat(self.beta) * (kappa - last));
         // Where nothing can be corrected κ does not change, and zero times infinity is NaN.
@@ -202,7 +234,36 @@ mod tests {
     use crate::{
         math::Vec3,
         sim::liquid::{Constraint, Kernel, calibration::RestState, walls::Walls},
+        simd::ScalarLanes,
     };
+
+    /// κ after one step from `applied`, for ρ/ρ₀ with the deficit, of a particle that is 1 inside the liquid and 0 at its surface.
+    fn step(smallest: f32, tension: f32, applied: f32, [ratio, tensile_part]: [f32; 2]) -> f32 {
+        let update = AcceleratedUpdate { beta: 0.0, relaxation: 0.5, smallest, tension };
+        let splat = |value: f32| ScalarLanes::splat(value);
+        let before = Multiplier {
+            lambda: splat(0.0),
+            applied: splat(applied),
+            last: splat(applied),
+            denominator: splat(1.0),
+        };
+        update.update(splat(ratio), splat(tensile_part), before).0.applied.to_array()[0]
+    }
+
+    #[test]
+    fn dilated_liquid_bears_tension_inside_and_none_at_its_surface() {
+        assert_eq!(step(0.0, 0.01, 0.0, [0.9, 1.0]), -0.01, "at most its strength");
+        assert_eq!(step(0.0, 0.01, 0.0, [0.99, 1.0]), -0.5 * (1.0 - 0.99_f32), "as little as is needed");
+        assert_eq!(step(0.0, 0.01, 0.0, [0.9, 0.75]), -0.0075, "less near the surface");
+        assert_eq!(step(0.0, 0.01, -0.01, [0.9, 0.0]), 0.0, "none at the surface");
+        assert_eq!(step(0.0, 0.0, 0.02, [0.9, 1.0]), 0.0, "none without gravity");
+        assert_eq!(
+            step(f32::NEG_INFINITY, 0.0, 0.0, [0.9, 1.0]),
+            -0.5 * (1.0 - 0.9_f32),
+            "the paper's constraint"
+        );
+        assert!(step(0.0, 0.01, 0.0, [f32::NAN, 1.0]).is_nan(), "what is undefined is detected");
+    }
 
     #[test]
     fn a_substep_starts_from_a_part_of_the_lesser_of_the_last_two_pressures() {

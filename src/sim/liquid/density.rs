@@ -48,8 +48,14 @@ pub(super) struct ConstraintError<T> {
 
 /// Update of multipliers from densities.
 pub(super) trait MultiplierUpdate: Sync {
-    /// The new multipliers for ρ/ρ₀, and the error. Must be inlined.
-    fn update<L: Lanes>(&self, ratio: L, multiplier: Multiplier<L>) -> (Multiplier<L>, ConstraintError<L>);
+    /// The new multipliers for ρ/ρ₀, and the error. `tensile_part` is 1 inside the liquid, and falls to 0 towards its surface and
+    /// solids. Must be inlined.
+    fn update<L: Lanes>(
+        &self,
+        ratio: L,
+        tensile_part: L,
+        multiplier: Multiplier<L>,
+    ) -> (Multiplier<L>, ConstraintError<L>);
 }
 
 /// Residual of the density constraints.
@@ -151,6 +157,8 @@ pub(super) struct DensityPass<'a, D, const GRADIENTS: bool> {
     pub(super) ratio: &'a mut [f32],
     /// Density that the free surface lacks, over ρ₀; computed with gradients and read without.
     pub(super) deficit: &'a mut [f32],
+    /// 1 inside the liquid, 0 at its surface and at solids; computed with gradients and read without.
+    pub(super) tensile_part: &'a mut [f32],
     /// Part of C that this substep does not correct; empty: none.
     pub(super) retained: &'a [f32],
     pub(super) multiplier: Multiplier<&'a mut [f32]>,
@@ -163,7 +171,7 @@ impl<D: MultiplierUpdate, const GRADIENTS: bool> NeighbourPass for DensityPass<'
     #[inline(always)]
     fn run<L: Lanes, P: Pair>(self) -> PartialResidual {
         let mut partial = PartialResidual::default();
-        let Self { at, ratio, deficit, retained, multiplier, update } = self;
+        let Self { at, ratio, deficit, tensile_part, retained, multiplier, update } = self;
         for first in (0..ratio.len()).step_by(LANES) {
             let count = LANES.min(ratio.len() - first);
             let densities = densities::<L, P, GRADIENTS>(&at, at.start + first, count);
@@ -178,11 +186,16 @@ impl<D: MultiplierUpdate, const GRADIENTS: bool> NeighbourPass for DensityPass<'
                 },
             };
             let lacking: L = if GRADIENTS { L::load(&densities.deficit) } else { read(deficit, first) };
+            let inside: L =
+                if GRADIENTS { L::load(&densities.tensile_part) } else { read(tensile_part, first) };
             let retained = if retained.is_empty() { L::splat(0.0) } else { read(retained, first) };
-            let (after, found) = update.update(L::load(&densities.ratio) + lacking - retained, before);
+            let ratio_with_deficit = L::load(&densities.ratio) + lacking - retained;
+            let (after, found) =
+                update.update(ratio_with_deficit, L::splat(0.0).max(inside - retained), before);
             partial.add(found, count);
             write(ratio, first, L::load(&densities.ratio));
             write(deficit, first, lacking);
+            write(tensile_part, first, inside);
             write(multiplier.lambda, first, after.lambda);
             write(multiplier.applied, first, after.applied);
             write(multiplier.last, first, after.last);
@@ -222,6 +235,8 @@ struct Densities {
     denominator: [f32; LANES],
     /// Density that the free surface lacks, with gradients.
     deficit: [f32; LANES],
+    /// 1 inside the liquid, with gradients.
+    tensile_part: [f32; LANES],
 }
 
 /// Density that a particle lacks at the free surface, from |∇_i C_i|² [1/m²], over ρ₀.
@@ -280,7 +295,12 @@ fn densities<L: Lanes, P: Pair, const GRADIENTS: bool>(
         }
     }
     let sums = L::sums(&density);
-    let mut out = Densities { ratio: [1.0; LANES], denominator: [1.0; LANES], deficit: [0.0; LANES] };
+    let mut out = Densities {
+        ratio: [1.0; LANES],
+        denominator: [1.0; LANES],
+        deficit: [0.0; LANES],
+        tensile_part: [0.0; LANES],
+    };
     let mut boundary = [(0.0, Vec3::zeros()); LANES];
     for k in 0..count {
         boundary[k] = at.boundary_density(first + k, at.nodes[first + k].vector() * rest.support);
@@ -295,6 +315,8 @@ fn densities<L: Lanes, P: Pair, const GRADIENTS: bool>(
             let all = own_gradient.norm_squared() + g * g * gradient2[k]; // Σ_k |∇_k C_i|²
             out.denominator[k] = setup.denominator(all);
             out.deficit[k] = surface_deficit(setup, own_gradient.norm_squared(), boundary[k].0);
+            out.tensile_part[k] =
+                (1.0 - (out.deficit[k] + boundary[k].0) * rest.inv_tension_free_deficit).max(0.0);
         }
     }
     out

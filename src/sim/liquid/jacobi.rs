@@ -34,7 +34,12 @@ struct JacobiUpdate {
 
 impl MultiplierUpdate for JacobiUpdate {
     #[inline(always)]
-    fn update<L: Lanes>(&self, ratio: L, multiplier: Multiplier<L>) -> (Multiplier<L>, ConstraintError<L>) {
+    fn update<L: Lanes>(
+        &self,
+        ratio: L,
+        _tensile_part: L,
+        multiplier: Multiplier<L>,
+    ) -> (Multiplier<L>, ConstraintError<L>) {
         let error = solve::error(ratio, self.min_error);
         let lambda = L::splat(-self.relaxation) * error / multiplier.denominator; // λ_i, [pbf] Eq. 11
         (Multiplier { lambda, ..multiplier }, ConstraintError { error, uphill: L::splat(0.0) })

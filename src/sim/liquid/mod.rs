@@ -405,6 +405,7 @@ impl Liquid {
         let kind = self.params.solver;
         let theta = self.params.first_theta();
         let is_calmed = self.is_calmed(partners.system.as_deref());
+        let acceleration = self.body_acceleration();
         self.ensure_lists(record)?;
         if kind == SolverKind::Accelerated {
             self.start_pressures(dt, theta, partners, clock);
@@ -425,7 +426,9 @@ impl Liquid {
             self.ensure_lists(record)?;
             let solids = setup(&self.params, &self.rest, &self.walls);
             let residual = match kind {
-                SolverKind::Accelerated => self.momentum.evaluate(&mut self.solver, &solids, done == 0),
+                SolverKind::Accelerated => {
+                    self.momentum.evaluate(&mut self.solver, &solids, acceleration, done == 0)
+                }
                 SolverKind::Jacobi => jacobi::evaluate(&mut self.solver, &solids),
             };
             let reached = residual.average;

@@ -80,6 +80,8 @@ pub(super) struct Solver {
     pub(super) ratio: Vec<f32>,
     /// Density that the free surface lacks, over ρ₀.
     deficit: Vec<f32>,
+    /// 1 inside the liquid, 0 at its surface and at solids.
+    tensile_part: Vec<f32>,
     /// Part of each C that this substep does not correct; empty: none.
     pub(super) retained: Vec<f32>,
     /// Lagrange multipliers.
@@ -152,7 +154,12 @@ struct NoUpdate {
 
 impl MultiplierUpdate for NoUpdate {
     #[inline(always)]
-    fn update<L: Lanes>(&self, ratio: L, multiplier: Multiplier<L>) -> (Multiplier<L>, ConstraintError<L>) {
+    fn update<L: Lanes>(
+        &self,
+        ratio: L,
+        _tensile_part: L,
+        multiplier: Multiplier<L>,
+    ) -> (Multiplier<L>, ConstraintError<L>) {
         (multiplier, ConstraintError { error: error(ratio, self.lower_bound), uphill: L::splat(0.0) })
     }
 }
@@ -221,19 +228,30 @@ impl Solver {
         self.publish_positions(setup.rest.inv_support);
         self.ratio.resize(count, 0.0);
         self.deficit.resize(count, 0.0);
-        let Self { multipliers, ratio, deficit, retained, nodes, lists, clearance, rigid, .. } = self;
+        self.tensile_part.resize(count, 0.0);
+        let Self {
+            multipliers, ratio, deficit, tensile_part, retained, nodes, lists, clearance, rigid, ..
+        } = self;
         let (list, published, clearance) = (&*lists, &**nodes, &**clearance);
         let (samples, _) = rigid.samples_and_projection();
         let [lambda, applied, last, denominator] = multipliers.slices_mut();
-        let slices: [&mut [f32]; 6] = [ratio, deficit, lambda, applied, last, denominator];
+        let slices: [&mut [f32]; 7] = [ratio, deficit, tensile_part, lambda, applied, last, denominator];
         let partials = par::map_chunks_mut(slices, par::CHUNK, |start, slices| {
             let at = Chunk { setup, nodes: published, lists: list, clearance, samples, start };
             let retained = retained.get(start..).unwrap_or_default();
-            let [ratio, deficit, lambda, applied, last, denominator] = slices;
+            let [ratio, deficit, tensile_part, lambda, applied, last, denominator] = slices;
             let multiplier = Multiplier { lambda, applied, last, denominator };
             pass::run(
                 setup.rest.kernel,
-                DensityPass::<_, GRADIENTS> { at, ratio, deficit, retained, multiplier, update },
+                DensityPass::<_, GRADIENTS> {
+                    at,
+                    ratio,
+                    deficit,
+                    tensile_part,
+                    retained,
+                    multiplier,
+                    update,
+                },
             )
         });
         self.clear_pin_pressures();

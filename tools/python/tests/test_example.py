@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Runs the example and the blocks of docs/python.md as their readers do: in order, in an empty folder."""
+"""Runs the example and the blocks of docs/python.md and README.md as their readers do: in order, in an empty folder."""
 
 import contextlib
 import io
@@ -12,6 +12,11 @@ import unittest
 from meniscus_fx import _native
 
 TOOLS = pathlib.Path(__file__).resolve().parents[1]
+
+
+def cells_of(page):
+    """The blocks of Python of a page of the repository."""
+    return re.findall(r"(?ms)^```python\n(.*?)^```", (TOOLS.parents[1] / page).read_text(encoding="utf-8"))
 
 
 @unittest.skipUnless(_native.PATH.is_file(), "a checkout has no library: install the wheel (docs/python.md)")
@@ -37,10 +42,14 @@ class Example(unittest.TestCase):
         self.assertTrue(pathlib.Path("drop.ply").stat().st_size > 10_000 and pathlib.Path("wave/cache").is_dir())
 
     def test_the_guide_runs(self):
-        guide = (TOOLS.parents[1] / "docs" / "python.md").read_text(encoding="utf-8")
-        cells = re.findall(r"(?ms)^```python\n(.*?)^```", guide)
+        cells = cells_of("docs/python.md")
         self.assertGreater(len(cells), 2)
         self.run_cells(cells, "docs/python.md")
+
+    def test_the_readme_runs_on_the_positions_of_the_guide(self):
+        cells = cells_of("README.md")
+        self.assertEqual(len(cells), 1)
+        self.run_cells(cells_of("docs/python.md")[:1] + cells + ["assert mesh.normals.shape == mesh.vertices.shape"], "README.md")
 
 
 if __name__ == "__main__":

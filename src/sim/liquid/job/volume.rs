@@ -47,11 +47,14 @@ fn why_gained(liquid: &LiquidParams) -> String {
         );
     }
     match liquid.constraint {
-        Constraint::Compression => format!(
-            "liquid.constraint = \"compression\" does not hold together what is torn apart; lower liquid.spacing ({} m), so that \
-             films and jets are thicker than a few particles",
-            liquid.spacing
-        ),
+        Constraint::Compression => {
+            let tension =
+                if liquid.surface_tension.is_none() { "give the liquid a surface_tension, or " } else { "" };
+            format!(
+                "nothing holds films and jets together that are a few particles thick; {tension}lower liquid.spacing ({} m)",
+                liquid.spacing
+            )
+        }
         Constraint::Equality => more_iterations(liquid),
     }
 }
@@ -95,7 +98,7 @@ fn more_iterations(liquid: &LiquidParams) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::liquid::ArtificialPressure;
+    use crate::sim::liquid::{ArtificialPressure, SurfaceTension};
 
     fn frames(changes: &[f64], set: impl Fn(&mut LiquidRecord)) -> Vec<(FrameIndex, FrameRecord)> {
         let frame = |(index, &volume_change): (u32, &f64)| {
@@ -134,7 +137,12 @@ mod tests {
         let [gained, lost] = [0.1, -0.1].map(|change| frames(&[change], |_| {}));
         let none = |_: &mut LiquidParams| {};
         for (change, frames, word) in [
-            (none as fn(&mut LiquidParams), &gained, "liquid.spacing (0.1 m)"),
+            (none as fn(&mut LiquidParams), &gained, "surface_tension, or lower liquid.spacing (0.1 m)"),
+            (
+                |l| l.surface_tension = Some(SurfaceTension::default()),
+                &gained,
+                "thick; lower liquid.spacing (0.1 m)",
+            ),
             (|l| l.artificial_pressure = Some(ArtificialPressure::default()), &gained, "strength (0.1)"),
             (
                 |l| {
