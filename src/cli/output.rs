@@ -68,9 +68,15 @@ pub(super) fn report_usage(why: &clap::Error) -> ExitCode {
     u8::try_from(why.exit_code()).map_or(ExitCode::FAILURE, ExitCode::from)
 }
 
-fn wants_colours() -> bool {
+/// Whether stderr is a terminal that can move its cursor.
+pub(super) fn is_terminal() -> bool {
     use std::io::IsTerminal;
-    std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none()
+    std::io::stderr().is_terminal() && std::env::var_os("TERM").is_none_or(|name| name != "dumb")
+}
+
+/// Whether messages have colours: <https://no-color.org> may refuse them.
+pub(super) fn wants_colours() -> bool {
+    is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
 }
 
 /// Reports on stderr why a job stopped, in the style of its progress; problems of a preset are shown in its text.

@@ -2,21 +2,19 @@
 
 use super::{
     args::ProgressStyle,
-    output::{open_jd, print_line},
+    output::{is_terminal, open_jd, print_line},
 };
 use crate::{control::printable, job::Silent, run::Reporter};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle as BarStyle};
 use std::{
-    io::IsTerminal,
     sync::{Arc, Mutex, MutexGuard},
     time::{Duration, Instant},
 };
 
 /// The reporter for a style.
 pub(super) fn reporter(style: ProgressStyle) -> Box<dyn Reporter> {
-    let terminal = std::io::stderr().is_terminal();
     match style {
-        ProgressStyle::Auto if terminal => Box::new(Bar::default()),
+        ProgressStyle::Auto if is_terminal() => Box::new(Bar::default()),
         ProgressStyle::Bar => Box::new(Bar::default()),
         ProgressStyle::Auto | ProgressStyle::Plain => Box::new(Lines::new(Form::Plain)),
         ProgressStyle::Json => Box::new(Lines::new(Form::Json)),

@@ -5,7 +5,7 @@ mod memory;
 mod printable;
 
 pub(crate) use memory::{UnderWay, fallible, frames_under_way, may_fail};
-pub(crate) use printable::{escape_into, printable, printable_path};
+pub(crate) use printable::{escape_into, printable, printable_path, shell_path, shell_word};
 
 use std::{
     sync::{

@@ -22,6 +22,23 @@ pub(crate) fn printable_path(path: &Path) -> String {
     printable(&text).into_owned()
 }
 
+/// An argument as the system's shells take it: in quotes where it needs them.
+pub(crate) fn shell_word(text: &str) -> String {
+    let plain = if cfg!(windows) { "._=%+-/\\:" } else { "._=%+-/" };
+    if !text.is_empty() && text.chars().all(|c| c.is_ascii_alphanumeric() || plain.contains(c)) {
+        text.into()
+    } else if cfg!(windows) {
+        format!("\"{}\"", text.replace('"', "\\\""))
+    } else {
+        format!("'{}'", text.replace('\'', "'\\''"))
+    }
+}
+
+/// A path as the system's shells take it, printable.
+pub(crate) fn shell_path(path: &Path) -> String {
+    shell_word(&printable_path(path))
+}
+
 /// Appends `character`, escaped if it needs to be.
 pub(crate) fn escape_into(out: &mut String, character: char) {
     match character {
@@ -45,6 +62,18 @@ fn is_control(character: char) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn arguments_survive_a_shell() {
+        assert_eq!(shell_word("liquid.density_dev=0.3%"), "liquid.density_dev=0.3%");
+        let [list, quote, empty] = ["a=[0, 1]", "a=it's", ""].map(shell_word);
+        if cfg!(windows) {
+            assert_eq!([list, quote, empty], ["\"a=[0, 1]\"", "\"a=it's\"", "\"\""]);
+            assert_eq!(shell_word("a=\"b\""), "\"a=\\\"b\\\"\"");
+        } else {
+            assert_eq!([list, quote, empty], ["'a=[0, 1]'", r"'a=it'\''s'", "''"]);
+        }
+    }
 
     #[test]
     fn control_characters_are_escaped_and_letters_of_any_script_are_not() {

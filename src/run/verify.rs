@@ -3,7 +3,7 @@
 use super::{FailedFrame, Failure, Manifest, OutputFiles, RunError, ShotFolder, info::frame_ranges};
 use crate::{
     cache::{self, CacheError, FrameInfo, FrameKeys},
-    control::printable_path,
+    control::{printable_path, shell_path},
     frame::FrameIndex,
     job::{
         batch::{MAX_FRAMES, state_key},
@@ -227,7 +227,7 @@ fn cached(
     }
     let numbers: BTreeSet<u32> = present.iter().map(|(index, _)| index.0).collect();
     stage.add_missing(requested.difference(&numbers).map(|&frame| (frame, file(frame))));
-    let (root, preset) = (quoted(folder.root()), quoted(&folder.preset()));
+    let (root, preset) = (shell_path(folder.root()), shell_path(&folder.preset()));
     let mut lost: Vec<u32> = stage.faults.iter().map(|fault| fault.frame).collect();
     lost.dedup();
     let frames = frame_ranges(&lost);
@@ -235,20 +235,6 @@ fn cached(
     let first = if foreign > 0 { "delete the foreign frames, then " } else { "" };
     stage.repair = format!("{first}simulate again: meniscus simulate {preset} -o {root} --frames {frames}");
     (stage, valid)
-}
-
-/// A path as a shell takes it.
-pub(super) fn quoted(path: &Path) -> String {
-    let text = printable_path(path).to_string();
-    let plain = if cfg!(windows) { "/\\:._-+" } else { "/._-+" };
-    if text.chars().all(|c| c.is_ascii_alphanumeric() || plain.contains(c)) {
-        text
-    } else if cfg!(windows) {
-        // No name there has a quotation mark in it.
-        format!("\"{text}\"")
-    } else {
-        format!("'{}'", text.replace('\'', "'\\''"))
-    }
 }
 
 fn condition(why: &CacheError) -> Condition {
@@ -283,7 +269,7 @@ fn made(
     let product = product::ALL.into_iter().find(|product| product.name() == subfolder);
     let repair = match product {
         Some(product) if !cache.states.is_empty() => {
-            format!("make again: meniscus {} {}", product.verb(), quoted(folder.root()))
+            format!("make again: meniscus {} {}", product.verb(), shell_path(folder.root()))
         }
         _ => "make again: the command that made these files".into(),
     };

@@ -4,7 +4,10 @@ mod folder;
 mod machine;
 mod problem;
 
-use super::{args::DoctorArgs, output::print};
+use super::{
+    args::DoctorArgs,
+    output::{print, wants_colours},
+};
 use crate::{cache, run::RunError, sim};
 use folder::Folder;
 use machine::{Limits, Memory, Processor};
@@ -60,7 +63,7 @@ pub(super) fn doctor(args: &DoctorArgs) -> Result<(), RunError> {
         terminal: Terminal {
             stdout: io::stdout().is_terminal(),
             stderr: io::stderr().is_terminal(),
-            colours: io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none(),
+            colours: wants_colours(),
         },
         problems,
     };

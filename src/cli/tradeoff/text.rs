@@ -2,6 +2,7 @@
 
 use crate::{
     cli::args::TradeoffArgs,
+    control::shell_word,
     job::usage::duration,
     run::tradeoff::{Setting, Shown, Table},
 };
@@ -114,26 +115,13 @@ fn aligned(rows: &[Vec<String>]) -> String {
 fn flags(setting: &Setting) -> String {
     let tier = setting.quality.iter().map(|tier| format!("--quality {tier}"));
     let flags: Vec<String> =
-        tier.chain(setting.set.iter().map(|set| format!("--set {}", for_a_shell(set)))).collect();
+        tier.chain(setting.set.iter().map(|set| format!("--set {}", shell_word(set)))).collect();
     if flags.is_empty() { "(as written)".into() } else { flags.join(" ") }
-}
-
-/// An argument that shells pass on unchanged.
-fn for_a_shell(text: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "._=%+-/".contains(c);
-    if text.chars().all(plain) { text.into() } else { format!("'{}'", text.replace('\'', "'\\''")) }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn arguments_survive_a_shell() {
-        assert_eq!(for_a_shell("liquid.density_dev=0.3%"), "liquid.density_dev=0.3%");
-        assert_eq!(for_a_shell("a=[0, 1]"), "'a=[0, 1]'");
-        assert_eq!(for_a_shell("a=it's"), r"'a=it'\''s'");
-    }
 
     #[test]
     fn columns_are_aligned() {

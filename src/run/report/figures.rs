@@ -3,7 +3,7 @@
 use super::plot::{Plot, Series};
 use crate::{
     cache,
-    control::{printable, printable_path},
+    control::{printable, printable_path, shell_path},
     frame::FrameIndex,
     job::{
         Manifest, RunError, ShotFolder,
@@ -13,7 +13,7 @@ use crate::{
     product,
     run::{
         info::{Info, frame_ranges, info},
-        verify::{quoted, requested_frames},
+        verify::requested_frames,
     },
     scene::{self, Overrides, Scene},
     sim::{FrameRecord, registry},
@@ -79,7 +79,7 @@ impl Figures {
         let longest = plots.iter().flat_map(|plot| &plot.series).map(|series| series.points.len()).max();
         let frames = manifest.as_ref().map(requested_frames).unwrap_or_default();
         let frames: Vec<u32> = frames.into_iter().collect();
-        let preset = quoted(&shot.preset());
+        let preset = shell_path(&shot.preset());
         let command = match frames.is_empty() {
             true => format!("meniscus shot {preset} -o NEW_FOLDER"),
             false => format!("meniscus shot {preset} -o NEW_FOLDER --frames {}", frame_ranges(&frames)),
