@@ -29,6 +29,7 @@ SCENES = {
     "scenes.py": ["tap"],
     "presets.py": ["presets"],
     "placing.py": ["placing"],
+    "sampling.py": ["sampling"],
     "logs.py": ["logs"],
     "jobs.py": ["jobs", "closed", "engine"],
     "results.py": ["bodies", "cloth", "panels"],

@@ -4,7 +4,7 @@
 import bpy
 
 from .. import reload
-from . import operators, roles, schema, session, settings
+from . import operators, roles, sampling, schema, session, settings
 
 SHOWN_MESSAGES = 4
 
@@ -78,7 +78,10 @@ class ShotPanel:
             row.operator("meniscus.simulate", icon="PLAY")
             if job is not None and job.action in session.RUNS and job.code != 0:
                 row.operator("meniscus.resume", icon="FRAME_NEXT")
-        if job is not None:
+        sampled = sampling.text_of(scene)
+        if sampled is not None:
+            layout.progress(factor=sampling.Sampling.current.part, type="BAR", text=sampled)
+        elif job is not None:
             self.draw_job(layout, job)
         for line in session.plan_of(scene):
             layout.label(text=line)

@@ -28,6 +28,10 @@ IDENTITY = (1.0, 0.0, 0.0, 0.0)
 
 def rigid_poses(matrices: list[np.ndarray]) -> list[Pose] | None:
     """Poses of a shape that has its axes of the first frame; None if it shears or scales by axis. Matrices are in metres."""
+    if len(matrices) > 1 and all(matrix is matrices[0] for matrix in matrices):
+        # Nothing moves in the scene: one frame was sampled.
+        first = rigid_poses(matrices[:1])
+        return first and first * len(matrices)
     start = matrices[0][:3, :3]
     if abs(np.linalg.det(start)) < 1e-30:
         return None

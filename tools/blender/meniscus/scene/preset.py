@@ -2,6 +2,7 @@
 """Writes the preset of a scene: roles, settings, camera, frames and gravity as TOML, meshes as files next to it."""
 
 import os
+from collections.abc import Generator
 from dataclasses import dataclass
 from math import hypot
 from pathlib import Path
@@ -48,6 +49,16 @@ def folder_of(scene: bpy.types.Scene) -> Path:
 
 def write(context: bpy.types.Context, takes_over: bool = False) -> Written:
     """Writes preset and assets of the scene into its folder; `takes_over` one of another .blend. Raises ShotError."""
+    steps = writing(context, takes_over)
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            return end.value
+
+
+def writing(context: bpy.types.Context, takes_over: bool = False) -> Generator[float, None, Written]:
+    """The same in steps of one frame, each of which yields the sampled part; nothing is written before the last. Closing it restores the scene."""
     notes: list[str] = []
     frames = sample.frame_numbers(context.scene)
     sources = sample.takes_part(context, notes)
@@ -58,7 +69,7 @@ def write(context: bpy.types.Context, takes_over: bool = False) -> Written:
     scale = context.scene.unit_settings.scale_length
     camera = context.scene.camera
     with sample.quiet(context, sources):
-        sampled = sample.sample(context, sources + ([camera] if camera else []), frames, scale, notes)
+        sampled = yield from sample.sample(context, sources + ([camera] if camera else []), frames, scale, notes)
         camera_samples = sampled.pop() if camera else None
         writer = Writer(context.scene, sampled, camera_samples, scale, folder, notes)
         text = writer.text()

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Looks at the objects with a role in every frame of the scene: world matrices, meshes with modifiers applied, animated settings."""
+"""Looks at the objects with a role in every frame of the scene: world matrices, meshes with modifiers applied, animated settings.
 
-from collections.abc import Iterator
+Sampling is a generator, which yields after each frame: a script runs it at once, Blender's window a few frames at a time.
+"""
+
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
@@ -11,6 +14,7 @@ import numpy as np
 from .. import nodes
 from ..messages import ShotError, printable
 from ..update import OUTPUT
+from . import moving
 from .changes import Changes
 
 GEOMETRY = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
@@ -52,6 +56,11 @@ class Sampled:
     @property
     def role(self):
         return self.source.meniscus
+
+    def repeat(self, count: int) -> None:
+        """Repeats what was sampled: one frame stands for `count` equal ones."""
+        for values in (self.matrices, self.rates, self.factors, self.is_on):
+            values *= count
 
     def deforms(self) -> bool:
         return len(self.vertices) > 1
@@ -120,36 +129,48 @@ def quiet(context: bpy.types.Context, sources: list[bpy.types.Object]) -> Iterat
         yield
     finally:
         for each in hidden:
-            each.hide_set(True, view_layer=context.view_layer)
+            restore(lambda each=each: each.hide_set(True, view_layer=context.view_layer))
         for modifier in modifiers:
-            modifier.show_viewport = True
-        scene.frame_set(before[0], subframe=before[1])
+            restore(lambda modifier=modifier: setattr(modifier, "show_viewport", True))
+        restore(lambda: scene.frame_set(before[0], subframe=before[1]))
 
 
-def sample(context: bpy.types.Context, sources: list[bpy.types.Object], frames: list[int], scale: float, notes: list[str]) -> list[Sampled]:
-    """All objects in all frames, inside of `quiet`; the scene is in the first frame afterwards. Raises ShotError."""
-    found = [Sampled(each, frames) for each in sources]
-    changes, size = Changes(context.scene, sources), 0
-    manager = context.window_manager
-    manager.progress_begin(0, len(frames))
+def restore(undo: Callable[[], None]) -> None:
+    """Undoes a change, unless what was changed is gone: between two frames a script may remove an object."""
     try:
-        for index, frame in enumerate(frames):
-            manager.progress_update(index)
-            context.scene.frame_set(frame)
-            graph = context.evaluated_depsgraph_get()
-            if index == 0:
-                notes += instances(graph, sources)
-            changes.look(graph, index == 0)
-            for each in found:
-                size += sample_frame(each, graph, index == 0, scale)
-                if size > MAX_BYTES:
-                    text = f"more than {MAX_BYTES >> 30} GiB of vertices over {len(frames)} frames"
-                    raise ShotError(f"{printable(each.source.name)}: {text}. Use simpler meshes that deform, or fewer frames")
-    finally:
-        manager.progress_end()
+        undo()
+    except (ReferenceError, RuntimeError):
+        pass
+
+
+def sample(
+    context: bpy.types.Context, sources: list[bpy.types.Object], frames: list[int], scale: float, notes: list[str]
+) -> Generator[float, None, list[Sampled]]:
+    """Samples all objects, inside of `quiet`, and yields the finished part after each frame; the scene is in the first frame afterwards.
+
+    Where nothing moves, the first frame stands for all. Raises ShotError.
+    """
+    scene = context.scene
+    found = [Sampled(each, frames) for each in sources]
+    changes, size = Changes(scene, sources), 0
+    looked = frames if moving.moves(scene, sources) else frames[:1]
+    for index, frame in enumerate(looked):
+        scene.frame_set(frame)
+        graph = context.evaluated_depsgraph_get()
+        if index == 0:
+            notes += instances(graph, sources)
+        changes.look(graph, index == 0)
+        for each in found:
+            size += sample_frame(each, graph, index == 0, scale)
+            if size > MAX_BYTES:
+                text = f"more than {MAX_BYTES >> 30} GiB of vertices over {len(frames)} frames"
+                raise ShotError(f"{printable(each.source.name)}: {text}. Use simpler meshes that deform, or fewer frames")
+        yield (index + 1) / len(looked)
     notes += changes.notes()
+    for each in found:
+        each.repeat(len(frames) // len(looked))
     # Settings are read in the first frame, wherever the playhead is.
-    context.scene.frame_set(frames[0])
+    scene.frame_set(frames[0])
     return found
 
 

@@ -13,7 +13,8 @@ import bpy
 
 from ..folder import read_limited
 from ..messages import ShotError, printable
-from . import preset, run, settings, show
+from . import preset, run, sampling, settings, show
+from .sampling import Sampling
 
 POLL_SECONDS = 0.25
 # Between two looks at new surfaces, and, without a job, at jobs that another Blender has started.
@@ -83,8 +84,8 @@ def ensure_timer() -> None:
 
 def tick() -> float | None:
     """Updates all jobs; without a folder that has one, the timer ends."""
-    if bpy.app.is_job_running("RENDER"):
-        # A render reads the objects that would be changed.
+    if bpy.app.is_job_running("RENDER") or Sampling.current is not None:
+        # A render reads the objects that would be changed; sampling has changed the current frame.
         return POLL_SECONDS
     scenes = {scene.session_uid: scene for scene in bpy.data.scenes}
     for number, job in list(followed.items()):
@@ -97,7 +98,7 @@ def tick() -> float | None:
     if followed or ending:
         return POLL_SECONDS
     if any([find_job(scene, again=True) for scene in scenes.values()]):
-        redraw()
+        sampling.redraw(bpy.context)
     return POLL_SECONDS if followed else IDLE_SECONDS if jobs else None
 
 
@@ -116,7 +117,7 @@ def advance(scene: bpy.types.Scene, job: run.Job) -> None:
     if is_editing():
         # The timer goes on, and shows what has arrived when the artist is done.
         if changed:
-            redraw()
+            sampling.redraw(bpy.context)
         return
     arrived = arrivals.get(key)
     if arrived is not None and (not job.is_running or time.monotonic() - last_look.get(key, 0.0) >= ARRIVAL_SECONDS):
@@ -133,7 +134,7 @@ def advance(scene: bpy.types.Scene, job: run.Job) -> None:
             ending.append(job.process)
         finish(scene, job)
     if changed:
-        redraw()
+        sampling.redraw(bpy.context)
 
 
 def finish(scene: bpy.types.Scene, job: run.Job) -> None:
@@ -219,14 +220,6 @@ def status(job: run.Job) -> str:
     return f"{job.tier.title()}: {job.reason()}"
 
 
-def redraw() -> None:
-    manager = bpy.context.window_manager
-    for window in manager.windows if manager else []:
-        for area in window.screen.areas:
-            if area.type in ("PROPERTIES", "VIEW_3D"):
-                area.tag_redraw()
-
-
 @bpy.app.handlers.persistent
 def opened(*_) -> None:
     """Finds the jobs of the folders of a file that was opened."""
@@ -275,6 +268,7 @@ def folder_changed(shot: bpy.types.PropertyGroup, _context: bpy.types.Context) -
 
 def register() -> None:
     settings.updates["folder"] = folder_changed
+    sampling.register()
     bpy.app.handlers.load_post.append(opened)
     bpy.app.handlers.save_post.append(saved)
     # While an extension is being switched on, the open file cannot be read.
@@ -282,6 +276,7 @@ def register() -> None:
 
 
 def unregister() -> None:
+    sampling.unregister()
     bpy.app.handlers.load_post.remove(opened)
     bpy.app.handlers.save_post.remove(saved)
     if bpy.app.timers.is_registered(tick):
