@@ -123,6 +123,38 @@ def stage_cloth(folder: Path) -> None:
     volume = result(scene, "volume:smoke")
     check(volume is not None and volume.type == "VOLUME" and volume.data.is_sequence, "smoke is a sequence of volumes")
     check(cloth.meniscus.role == "CLOTH" and cloth.hide_render, "the cloth itself is put aside")
+    check_renamed(folder)
+
+
+def check_renamed(folder: Path) -> None:
+    """Renaming an object between the preset and its result, or between two presets, loses no look and no result."""
+    cloth = bpy.data.objects["Cloth"]
+    cloth.name = "Sail"
+    copy = cloth.copy()
+    copy.data = cloth.data.copy()
+    copy.data.materials[0] = bpy.data.materials.new("Paper")
+    copy.name, copy.location.x = "Cloth", 4.0
+    bpy.context.collection.objects.link(copy)
+    for name in ("in this session", "after the file was saved and opened"):
+        bpy.data.objects.remove(result(bpy.context.scene, "sheet:Cloth"))
+        bpy.ops.meniscus.show()
+        shown = result(bpy.context.scene, "sheet:Cloth")
+        materials = [each.name for each in shown.data.materials]
+        check(materials == ["Silk"] and "Cut" in shown.data.uv_layers, f"a result finds its renamed object {name}, not a copy with its name", materials)
+        check(abs(evaluated_points(shown, 1)[:, 0].mean() - 0.3) < 1e-4, f"it is at its place {name}")
+        bpy.ops.wm.save_mainfile()
+        bpy.ops.wm.open_mainfile(filepath=str(folder / "scene.blend"))
+    scene = bpy.context.scene
+    bpy.data.objects.remove(bpy.data.objects["Cloth"])
+    for each in [each for each in scene.objects if each.meniscus.role == "SMOKE"]:
+        each.meniscus.role = "NONE"
+    shown = result(scene, "sheet:Cloth")
+    shown.name = "My Sail"
+    shown.data.materials[0] = bpy.data.materials.new("Gold")
+    bpy.ops.meniscus.start_over(wait=True)
+    again = result(scene, "sheet:Sail")
+    check(again == shown and again.data.materials[0].name == "Gold", "the result of a renamed object stays the same object", again and again.name)
+    check(result(scene, "sheet:Cloth") is None, "it has no second result")
 
 
 class Recorder:

@@ -8,7 +8,7 @@ import bpy
 from bpy.props import BoolProperty
 
 from ..messages import ShotError, printable
-from . import engine, preset, run, session, settings
+from . import engine, places, preset, run, session, settings
 from .names import QUALITIES
 from .sampling import PresetOperator, Sampling, has_window
 from .toml import inline
@@ -45,7 +45,7 @@ class JobOperator:
     def begin(self, context: bpy.types.Context, action: str, changes: tuple[str, ...] = ()) -> set[str]:
         """Starts an action that uses the preset as it was written last."""
         try:
-            root = preset.folder_of(context.scene)
+            root = places.folder_of(context.scene)
             check_free(root)
             earlier, frames, follows = session.job_of(context.scene), scene_frames(context.scene), False
             if action == "resume" and earlier is not None:
@@ -61,10 +61,10 @@ class JobOperator:
         """Starts the engine in the scene's folder. Raises ShotError."""
         scene, shot = context.scene, context.scene.meniscus
         program, source = engine.find()
-        root, tier = preset.folder_of(scene), shot.quality
+        root, tier = places.folder_of(scene), shot.quality
         path = root / preset.assets.PRESET
         steps = run.steps_of(action, tier, path, list(changes), shot.threads, follows)
-        job = run.start(root, program, action, tier, steps, frames, preset.blend_from(root), scene.name)
+        job = run.start(root, program, action, tier, steps, frames, places.blend_from(root), scene.name)
         self.report({"INFO"}, f"Started {action.replace('_', ' ')} of {path.name} at {tier} with the engine of {source}")
         session.begin(scene, job)
         if self.wait:
@@ -92,7 +92,7 @@ class WritingJobOperator(PresetOperator, JobOperator):
 
     def prepare(self, context: bpy.types.Context) -> None:
         engine.find()
-        check_free(preset.folder_of(context.scene))
+        check_free(places.folder_of(context.scene))
 
     def finish(self, context: bpy.types.Context, written: preset.Written) -> set[str]:
         for note in written.notes:
@@ -202,7 +202,7 @@ class MENISCUS_OT_write(PresetOperator, bpy.types.Operator):
         return JobOperator.poll.__func__(cls, context)
 
     def prepare(self, context: bpy.types.Context) -> None:
-        check_free(preset.folder_of(context.scene))
+        check_free(places.folder_of(context.scene))
 
     def finish(self, context: bpy.types.Context, written: preset.Written) -> set[str]:
         for note in written.notes:
@@ -241,7 +241,7 @@ class MENISCUS_OT_show(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         scene = context.scene
         try:
-            folder = preset.folder_of(scene) / scene.meniscus.quality
+            folder = places.folder_of(scene) / scene.meniscus.quality
             for note in session.show.show_all(context, scene, folder):
                 self.report({"WARNING"}, note)
         except ShotError as error:

@@ -119,6 +119,8 @@ def make_classes() -> list[type]:
         role: EnumProperty(name="Role", description="What the object does in the simulation", items=ROLES, update=role_changed)
         shape: EnumProperty(name="Shape", description="The shape that the engine uses in place of the object", items=shape_items)
         is_marker: BoolProperty()
+        # Of identity.py.
+        identifier: StringProperty(options={"HIDDEN"})
         is_on: BoolProperty(name="On", description="Whether it acts; keyframes switch it on and off", default=True)
         resolution: IntProperty(
             name="Resolution",

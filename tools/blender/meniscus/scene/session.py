@@ -13,7 +13,7 @@ import bpy
 
 from ..folder import read_limited
 from ..messages import ShotError, printable
-from . import preset, run, sampling, settings, show
+from . import places, run, sampling, settings, show
 from .sampling import Sampling
 
 POLL_SECONDS = 0.25
@@ -35,7 +35,7 @@ last_look: dict[str, float] = {}
 
 def root_of(scene: bpy.types.Scene) -> Path | None:
     try:
-        return preset.folder_of(scene)
+        return places.folder_of(scene)
     except ShotError:
         return None
 
@@ -258,7 +258,7 @@ def is_own(scene: bpy.types.Scene, job: run.Job) -> bool:
     if job.process is not None:
         return True
     started_in, blend = job.description.get("scene", scene.name), job.description.get("blend")
-    is_of_file = not isinstance(blend, str) or not blend or preset.is_same(job.root, blend)
+    is_of_file = not isinstance(blend, str) or not blend or places.is_same(job.root, blend)
     return is_of_file and started_in == scene.name
 
 

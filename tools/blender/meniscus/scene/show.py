@@ -8,7 +8,6 @@ other files and leaves its materials, name and place as the artist made them.
 from pathlib import Path
 
 import bpy
-import numpy as np
 from mathutils import Matrix
 
 from .. import colliders, outputs, sheets
@@ -20,7 +19,7 @@ from ..motion import Motion, read_motion
 from ..shot import FRAME_NUMBER, MAX_SCENE_FRAME, Frames, MeshOutput, Shot, below, read_shot
 from ..update import OUTPUT, Target
 from ..viscosity import read_viscosity
-from . import assets
+from .identity import SOURCE, Sources
 from .sample import quiet
 
 Copies = dict[str, bpy.types.Object]
@@ -79,6 +78,8 @@ def show_all(context: bpy.types.Context, scene: bpy.types.Scene, folder: Path) -
     path = outputs.shot_folder(files.root, "AUTO")
     outputs.check_paths(shot, path)
     sources = Sources(folder.parent)
+    keys = {each.name: f"sheet:{each.name}" for each in shot.sheets} | {each.name: f"body:{each.name}" for each in shot.colliders}
+    sources.relabel(scene, OUTPUT, keys)
     copies = copies_of(context, scene, shot, sources)
     for output in (*shot.meshes, *shot.points):
         target(scene).sequence(output, path, shot.viscosity)
@@ -88,27 +89,6 @@ def show_all(context: bpy.types.Context, scene: bpy.types.Scene, folder: Path) -
         show_cloth(context, scene, sheet, sources, copies, files, path)
     show_solids(context, scene, shot, sources, copies, files, path)
     return notes
-
-
-class Sources:
-    """The objects that the preset of a folder was made of, by the names of their files and outputs."""
-
-    def __init__(self, root: Path) -> None:
-        objects = assets.read_objects(root).get("objects")
-        self.objects: dict[str, dict] = objects if isinstance(objects, dict) else {}
-
-    def object(self, scene: bpy.types.Scene, asset: str, role: str) -> bpy.types.Object | None:
-        """The object of a name, unless it is gone, has another role now, or the list is broken."""
-        entry = self.objects.get(asset)
-        name = entry.get("object") if isinstance(entry, dict) else None
-        found = scene.objects.get(name) if isinstance(name, str) else None
-        return found if found is not None and found.meniscus.role == role and self.start(asset) is not None else None
-
-    def start(self, asset: str) -> Matrix | None:
-        """The world matrix in the first frame, with lengths in metres."""
-        values = self.objects[asset].get("start")
-        is_sound = isinstance(values, list) and len(values) == 16 and all(type(one) in (int, float) and abs(one) < 1e9 for one in values)
-        return Matrix(np.array(values, np.float64).reshape(4, 4).tolist()) if is_sound else None
 
 
 def copies_of(context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, sources: Sources) -> dict[str, bpy.types.Object]:
@@ -132,8 +112,11 @@ def copy_of(context: bpy.types.Context, source: bpy.types.Object, start: Matrix,
     return bpy.data.objects.new(f"{source.name} Simulated", mesh)
 
 
-def put_aside(source: bpy.types.Object, layer: bpy.types.ViewLayer) -> None:
-    """Hides an object that a result stands for: its eye, and in renders. Its role keeps it in the simulation."""
+def stand_in(shown: bpy.types.Object, source: bpy.types.Object | None, layer: bpy.types.ViewLayer) -> None:
+    """Hides the object that a result stands for: its eye, and in renders. Its role keeps it in the simulation."""
+    if source is None:
+        return
+    shown[SOURCE] = source.meniscus.identifier
     source.hide_render = True
     if source.name in layer.objects:
         source.hide_set(True, view_layer=layer)
@@ -154,9 +137,7 @@ def show_cloth(context: bpy.types.Context, scene: bpy.types.Scene, sheet, source
         made = sheets.add_sheet(sheet, files.full(sheet.rest), cache)
     elif not len(made.data.materials):
         made.data.materials.append(sheets.cloth())
-    target(scene).adopt(made, key)
-    if source is not None:
-        put_aside(source, context.view_layer)
+    stand_in(target(scene).adopt(made, key), source, context.view_layer)
 
 
 def show_solids(context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, sources: Sources, copies: Copies, files: ShotFolder, path: str) -> None:
@@ -170,8 +151,7 @@ def show_solids(context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, 
             if not len(made.data.materials):
                 made.data.materials.append(colliders.matte())
             moved(made, motion, scene.unit_settings.scale_length)
-            target(scene).adopt(made, f"body:{output.name}")
-            put_aside(source, context.view_layer)
+            stand_in(target(scene).adopt(made, f"body:{output.name}"), source, context.view_layer)
         elif motion.shape == "tank":
             made = colliders.add_collider(output, files.full(output.mesh), motion)
             moved(made, motion, scene.unit_settings.scale_length)
