@@ -91,7 +91,8 @@ def posed(vertices: np.ndarray, keyframes: list[dict], frame: int) -> np.ndarray
     place = (1.0 - part) * np.array(one["position"]) + part * np.array(other["position"])
     turns = [Quaternion(key.get("quaternion", (1.0, 0.0, 0.0, 0.0))) for key in (one, other)]
     size = (1.0 - part) * one.get("scale", 1.0) + part * other.get("scale", 1.0)
-    return size * vertices @ np.array(turns[0].slerp(turns[1], part).to_matrix()).T + place
+    # Blender's slerp between near rotations is linear, and not normalized.
+    return size * vertices @ np.array(turns[0].slerp(turns[1], part).normalized().to_matrix()).T + place
 
 
 def check_names(folder: Path) -> None:
@@ -182,6 +183,37 @@ def check_motion(folder: Path) -> None:
     corners = vertices[faces]
     volume = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6.0
     check(volume > 0.0, "faces of a mirrored object look outwards", volume)
+
+
+def check_turns(folder: Path) -> None:
+    """A turn at constant speed needs a keyframe for each 2.5 rad, and gives Blender's own poses; one that speeds up keeps its frames."""
+    scene = fresh(folder)
+    scene.frame_end = 241
+    even, eased, tumbling = add("collider"), add("collider"), add("collider")
+    for made, name, turn in ((even, "Even", (0.3, 0.2, 20.0)), (eased, "Eased", (0.0, 0.0, 2.0)), (tumbling, "Tumbling", (9.0, 7.0, 20.0))):
+        made.name, made.location = name, (1.0, 2.0, 3.0)
+        for frame, angles in ((1, (0.3, 0.2, 0.0)), (241, turn)):
+            made.rotation_euler = angles if name != "Eased" else (0.0, 0.0, angles[2])
+            made.keyframe_insert("rotation_euler", frame=frame)
+        for curve in made.animation_data.action.layers[0].strips[0].channelbags[0].fcurves:
+            for point in curve.keyframe_points:
+                point.interpolation = "LINEAR" if name != "Eased" else "BEZIER"
+    data, _ = write(scene, "turning colliders")
+    keys = {Path(entry["shape"]["mesh"]["file"]).stem: entry["keyframes"] for entry in data["world"]["collider"]}
+    counts = {name: len(found) for name, found in keys.items()}
+    print(f"Keyframes of 241 frames: {counts}")
+    check(9 <= counts["Even"] <= 11, "a turn of 20 rad at constant speed has ten keyframes", counts)
+    check(counts["Eased"] > 100 and counts["Tumbling"] > 200, "turns that speed up or change their axis keep their frames", counts)
+    worst = dict.fromkeys(counts, 0.0)
+    rest = np.array([vertex.co for vertex in even.data.vertices])[::17]
+    vertices = {name: points(folder / "meniscus" / "assets" / f"{name}.ply")[::17] for name in counts}
+    for frame in range(1, 242):
+        scene.frame_set(frame)
+        for made in (even, eased, tumbling):
+            matrix, found = np.array(made.matrix_world), posed(vertices[made.name], keys[made.name], frame)
+            worst[made.name] = max(worst[made.name], np.abs(found - rest @ matrix[:3, :3].T - matrix[:3, 3]).max())
+    check(max(worst.values()) < 4e-6, "turns are where Blender has them, to 1e-5 rad at 0.2 m [m]", worst)
+    print(f"Largest distance from Blender's vertices: {worst}")
 
 
 def check_deforming(folder: Path) -> None:
@@ -387,6 +419,7 @@ def stage_presets(folder: Path) -> None:
     check_names(folder / "names")
     check_left_out(folder / "left out")
     check_motion(folder / "motion")
+    check_turns(folder / "turns")
     check_deforming(folder / "deforming")
     check_settings(folder / "settings")
     check_kinds(folder / "kinds")
