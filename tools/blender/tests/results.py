@@ -16,7 +16,7 @@ import harness
 import ply
 from harness import check
 from presets import add
-from scenes import empty, scene_module, wait, water
+from scenes import empty, scene_module, sequence_input, wait, water
 
 UNIT = 0.5
 
@@ -155,6 +155,74 @@ def check_renamed(folder: Path) -> None:
     again = result(scene, "sheet:Sail")
     check(again == shown and again.data.materials[0].name == "Gold", "the result of a renamed object stays the same object", again and again.name)
     check(result(scene, "sheet:Cloth") is None, "it has no second result")
+
+
+def arrivals(scene: bpy.types.Scene, until) -> list[str]:
+    """Runs the scene's job until enough has arrived, and pauses it; what the panel showed last."""
+    session = scene_module("session")
+    session.ARRIVAL_SECONDS, lines, reached = 0.0, [], []
+    bpy.ops.meniscus.simulate()
+
+    def look(_job) -> bool:
+        lines[:] = [line for line in drawn(scene_module("panels").MENISCUS_PT_sidebar) if line.startswith("Shown")] or lines
+        reached[:] = [until()]
+        return reached[0]
+
+    job, _ = wait(scene, look)
+    check(job.is_running and reached == [True], "all of it arrives while the job runs", (job.code, job.error, list(job.messages)))
+    bpy.ops.meniscus.pause()
+    wait(scene)
+    return lines
+
+
+def stage_arrivals(folder: Path) -> None:
+    """Smoke, cloth, bodies and whitewater are shown while they are simulated, and the panel lists them."""
+    scene = empty(folder / "smoke and cloth")
+    scene.frame_end = 2000
+    cloth = add("cloth")
+    cloth.data.materials.append(bpy.data.materials.new("Silk"))
+    smoke = add("smoke")
+    smoke.location.x = 2.0
+    scene.meniscus.smoke.spacing = 0.1
+    # No frame yet: the last that has arrived is shown.
+    scene.frame_set(1999)
+    seen = []
+
+    def lowered() -> bool:
+        shown, volume = result(scene, "sheet:Cloth"), result(scene, "volume:smoke")
+        if shown is None or volume is None:
+            return False
+        place = shown.evaluated_get(bpy.context.evaluated_depsgraph_get()).data.vertices[820].co.z
+        seen.append((volume.data.frame_duration, -place))
+        return seen[-1][0] > seen[0][0] and seen[-1][1] > seen[0][1] + 1e-4
+
+    lines = arrivals(scene, lowered)
+    check(len(seen) > 1 and all(one[0] <= other[0] and one[1] <= other[1] + 1e-6 for one, other in zip(seen, seen[1:])), "the smoke grows and the cloth falls as frames arrive", seen[-3:])
+    shown = result(scene, "sheet:Cloth")
+    check(shown.data.materials[0].name == "Silk" and cloth.hide_get() and scene.frame_current == 1999, "cloth arrives as the artist's own mesh", scene.frame_current)
+    check(any("Smoke" in line and "Cloth" in line for line in lines), "the panel lists smoke and cloth", lines)
+    check_bodies_arrive(folder / "bodies and whitewater")
+
+
+def check_bodies_arrive(folder: Path) -> None:
+    scene = empty(folder)
+    for kind in ("tank", "pool", "body"):
+        add(kind)
+    scene.meniscus.liquid.spacing, scene.frame_end, scene.meniscus.use_whitewater = 0.03, 2000, True
+    seen = []
+
+    def fallen() -> bool:
+        body, foam = result(scene, "body:Body"), result(scene, "points:whitewater")
+        if body is None or foam is None or body.animation_data is None or body.animation_data.action is None:
+            return False
+        seen.append((body.animation_data.action.frame_range[1], sequence_input(foam, "Last")))
+        return seen[-1][0] > seen[0][0] and seen[-1][1] > seen[0][1]
+
+    lines = arrivals(scene, fallen)
+    check(len(seen) > 1 and len(bpy.data.actions) == 1, "a body has more keyframes at each look, and one action", (seen[-2:], len(bpy.data.actions)))
+    text = lines[-1] if lines else ""
+    check(all(name in text for name in ("Surface", "Body", "Whitewater")), "the panel lists surface, bodies and whitewater", lines)
+    check(len([each for each in scene.objects if each.get("meniscus_output")]) == 3, "each has one object", [each.name for each in scene.objects])
 
 
 class Recorder:

@@ -32,7 +32,7 @@ SCENES = {
     "sampling.py": ["sampling"],
     "logs.py": ["logs"],
     "jobs.py": ["jobs", "closed", "engine"],
-    "results.py": ["bodies", "cloth", "panels"],
+    "results.py": ["bodies", "cloth", "arrivals", "panels"],
 }
 sys.path[:0] = [str(HERE), str(TOOL)]
 

@@ -47,23 +47,22 @@ class JobOperator:
         try:
             root = places.folder_of(context.scene)
             check_free(root)
-            earlier, frames, follows = session.job_of(context.scene), scene_frames(context.scene), False
+            earlier, frames, products = session.job_of(context.scene), scene_frames(context.scene), set()
             if action == "resume" and earlier is not None:
-                follows = any("follow" in step for step in earlier.description.get("steps", []))
                 # The preset has the frames of that job, not those that the scene has now.
-                frames = earlier.description.get("frames", frames)
-            return self.start(context, action, frames, changes, follows)
+                frames, products = earlier.description.get("frames", frames), earlier.products()
+            return self.start(context, action, frames, changes, products)
         except ShotError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
 
-    def start(self, context: bpy.types.Context, action: str, frames: list[int], changes: tuple[str, ...], follows: bool) -> set[str]:
+    def start(self, context: bpy.types.Context, action: str, frames: list[int], changes: tuple[str, ...], products: set[str]) -> set[str]:
         """Starts the engine in the scene's folder. Raises ShotError."""
         scene, shot = context.scene, context.scene.meniscus
         program, source = engine.find()
         root, tier = places.folder_of(scene), shot.quality
         path = root / preset.assets.PRESET
-        steps = run.steps_of(action, tier, path, list(changes), shot.threads, follows)
+        steps = run.steps_of(action, tier, path, list(changes), shot.threads, products)
         job = run.start(root, program, action, tier, steps, frames, places.blend_from(root), scene.name)
         self.report({"INFO"}, f"Started {action.replace('_', ' ')} of {path.name} at {tier} with the engine of {source}")
         session.begin(scene, job)
@@ -99,8 +98,8 @@ class WritingJobOperator(PresetOperator, JobOperator):
             self.report({"WARNING"}, note)
         for name in written.removed:
             self.report({"INFO"}, f"Removed {name} of an earlier preset")
-        follows = self.action in session.RUNS and written.has_surface
-        return self.start(context, self.action, scene_frames(context.scene), (), follows)
+        products = written.products if self.action in session.RUNS else set()
+        return self.start(context, self.action, scene_frames(context.scene), (), products)
 
 
 class MENISCUS_OT_simulate(WritingJobOperator, bpy.types.Operator):

@@ -99,6 +99,9 @@ class ShotPanel:
         else:
             layout.label(text=session.status(job), icon="ERROR" if job.error else "CHECKMARK" if job.code == 0 else "PAUSE")
         column = layout.column(align=True)
+        shown = session.shown_of(job)
+        if shown:
+            column.label(text=shown, icon="HIDE_OFF")
         for text in ([job.error] if job.error else []) + list(job.messages)[-SHOWN_MESSAGES:]:
             column.label(text=text)
 

@@ -13,6 +13,7 @@ from ..messages import ShotError, printable
 from . import assets, identity, poses, sample, schema, settings, toml
 from .names import QUALITIES, Names
 from .places import blend_from, check_owner, folder_of
+from .run import BODIES, SHEETS, SURFACES, VOLUMES, WHITEWATER
 from .sample import Sampled
 from .shapes import Placed, Shaper
 from .toml import Document, Table
@@ -31,7 +32,8 @@ class Written:
     path: Path
     notes: list[str]
     removed: list[str]
-    has_surface: bool
+    # Names of run.py for what can be shown while it is simulated.
+    products: set[str]
 
 
 def write(context: bpy.types.Context, takes_over: bool = False) -> Written:
@@ -63,7 +65,7 @@ def writing(context: bpy.types.Context, takes_over: bool = False) -> Generator[f
     identity.mark(sampled, identity.Sources(root))
     owner = {"blend": blend_from(root), "scene": context.scene.name, "session": identity.session}
     path, removed = folder.finish(text, owner | {"objects": identity.entries(sampled)})
-    return Written(path, notes, removed, writer.has_liquid)
+    return Written(path, notes, removed, writer.products())
 
 
 class Writer:
@@ -100,6 +102,12 @@ class Writer:
         self.output()
         self.tiers()
         return self.document.text()
+
+    def products(self) -> set[str]:
+        """What the preset has that can be shown while it is simulated."""
+        has_whitewater = self.has_liquid and self.shot.use_whitewater
+        has = [(SURFACES, self.has_liquid), (VOLUMES, self.has_smoke), (SHEETS, self.has_cloth), (BODIES, self.has_bodies), (WHITEWATER, has_whitewater)]
+        return {name for name, is_there in has if is_there}
 
     def of(self, role: str) -> list[Sampled]:
         return self.roles.get(role, [])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""The jobs of the scenes of this file: a timer reads their logs, shows surfaces as frames arrive, and redraws the panels.
+"""The jobs of the scenes of this file: a timer reads their logs, shows what arrives, and redraws the panels.
 
 Jobs belong to folders, not to Blender: when a file is opened, the last job of its folder is found again, running or not.
 """
@@ -7,6 +7,8 @@ Jobs belong to folders, not to Blender: when a file is opened, the last job of i
 import json
 import subprocess
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
@@ -14,6 +16,7 @@ import bpy
 from ..folder import read_limited
 from ..messages import ShotError, printable
 from . import places, run, sampling, settings, show
+from .arrivals import Arrivals
 from .sampling import Sampling
 
 POLL_SECONDS = 0.25
@@ -28,7 +31,7 @@ jobs: dict[str, run.Job] = {}
 followed: dict[int, run.Job] = {}
 # Runners of jobs that have ended.
 ending: list[subprocess.Popen] = []
-arrivals: dict[str, show.Arrivals] = {}
+arrivals: dict[str, Arrivals] = {}
 plans: dict[str, list[str]] = {}
 last_look: dict[str, float] = {}
 
@@ -54,6 +57,12 @@ def plan_of(scene: bpy.types.Scene) -> list[str]:
     return plans.get(str(root), []) if root else []
 
 
+def shown_of(job: run.Job) -> str:
+    """What a running job shows so far; empty if nothing is."""
+    arrived = arrivals.get(str(job.root))
+    return arrived.text() if arrived is not None and job.is_running else ""
+
+
 def begin(scene: bpy.types.Scene, job: run.Job) -> None:
     """Takes a job that was started."""
     key = str(job.root)
@@ -68,13 +77,12 @@ def begin(scene: bpy.types.Scene, job: run.Job) -> None:
 
 
 def watch(job: run.Job) -> None:
-    """Follows the surfaces of a job that makes some."""
-    steps = job.description.get("steps", [])
+    """Follows what a job makes while it simulates."""
     frames = job.description.get("frames")
     is_list = isinstance(frames, list) and len(frames) == 3 and all(type(one) is int for one in frames)
-    if is_list and frames[2] > 0 and frames[0] >= 0 and any(isinstance(step, dict) and step.get("follow") for step in steps):
+    if is_list and frames[2] > 0 and frames[0] >= 0 and job.products():
         numbers = list(range(frames[0], min(frames[1], frames[0] + 1_000_000) + 1, frames[2]))
-        arrivals[str(job.root)] = show.Arrivals(job.shot, numbers)
+        arrivals[str(job.root)] = Arrivals(job, numbers)
 
 
 def ensure_timer() -> None:
@@ -120,10 +128,11 @@ def advance(scene: bpy.types.Scene, job: run.Job) -> None:
             sampling.redraw(bpy.context)
         return
     arrived = arrivals.get(key)
-    if arrived is not None and (not job.is_running or time.monotonic() - last_look.get(key, 0.0) >= ARRIVAL_SECONDS):
+    if arrived is not None and arrived.is_due(job) and (not job.is_running or time.monotonic() - last_look.get(key, 0.0) >= ARRIVAL_SECONDS):
         last_look[key] = time.monotonic()
         try:
-            changed = arrived.update(scene, job.surfaces()) or changed
+            with in_scene(scene):
+                changed = arrived.update(bpy.context, scene, job) or changed
         except ShotError as error:
             job.messages.append(str(error))
             del arrivals[key]
@@ -151,22 +160,30 @@ def finish(scene: bpy.types.Scene, job: run.Job) -> None:
 
 
 def show_result(scene: bpy.types.Scene, job: run.Job) -> None:
-    # A timer has no window, which operators of Blender's importers need.
-    window = next(iter(bpy.context.window_manager.windows), None)
-    places = {"window": window} if window else {}
-    layer = window.view_layer if window else scene.view_layers[0]
-    selected, active = [each for each in layer.objects if each.select_get(view_layer=layer)], layer.objects.active
-    with bpy.context.temp_override(**places, scene=scene, view_layer=scene.view_layers[0]):
+    with in_scene(scene) as window:
         try:
             job.messages.extend(show.show_all(bpy.context, scene, job.shot))
         except ShotError as error:
             job.error = str(error)
-    select(layer, selected, active)
     if window:
         # The next Undo takes back what the artist does after this, not the result.
         with bpy.context.temp_override(window=window):
             if bpy.ops.ed.undo_push.poll():
                 bpy.ops.ed.undo_push(message="Meniscus Result")
+
+
+@contextmanager
+def in_scene(scene: bpy.types.Scene) -> Iterator[bpy.types.Window | None]:
+    """Gives Blender's importers the scene and a window, which a timer lacks, and keeps the artist's selection."""
+    window = next(iter(bpy.context.window_manager.windows), None)
+    places = {"window": window} if window else {}
+    layer = window.view_layer if window else scene.view_layers[0]
+    selected, active = [each for each in layer.objects if each.select_get(view_layer=layer)], layer.objects.active
+    try:
+        with bpy.context.temp_override(**places, scene=scene, view_layer=scene.view_layers[0]):
+            yield window
+    finally:
+        select(layer, selected, active)
 
 
 def select(layer: bpy.types.ViewLayer, selected: list[bpy.types.Object], active: bpy.types.Object | None) -> None:
