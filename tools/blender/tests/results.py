@@ -289,7 +289,7 @@ def stage_panels(folder: Path) -> None:
     """Every panel and menu draws, for every role and kind of force."""
     scene = empty(folder)
     panels, add_module = scene_module("panels"), scene_module("add")
-    check(len(drawn(add_module.MENISCUS_MT_add)) == 13, "the menu draws its thirteen entries")
+    check(len(drawn(add_module.MENISCUS_MT_add)) == 16, "the menu draws its sixteen entries")
     for kind in add_module.KINDS:
         add(kind)
         found = drawn(panels.MENISCUS_PT_object)
@@ -299,6 +299,10 @@ def stage_panels(folder: Path) -> None:
         bpy.context.view_layer.objects.active = force
         force.meniscus.kind = name
         check("factor" in drawn(panels.MENISCUS_PT_object), f"the panel of the force {name} draws")
+    cloth = bpy.data.objects["Cloth"]
+    cloth.meniscus.joint_to = bpy.context.view_layer.objects.active = cloth
+    found = drawn(panels.MENISCUS_PT_object)
+    check({"joint_points", "joint_other_points", "stiffness", "release"} <= set(found), "the panel of cloth has its joint", found)
     settings = [panel for panel in panels.CLASSES if isinstance(panel, type) and issubclass(panel, bpy.types.Panel)]
     for panel in settings:
         if panel is not panels.MENISCUS_PT_object:
@@ -306,7 +310,7 @@ def stage_panels(folder: Path) -> None:
     found = drawn(panels.MENISCUS_PT_scene)
     check("meniscus.simulate" in found and "meniscus.pause" not in found, "without a job there is Simulate", found)
     scene.meniscus.liquid.spacing = 0.2
-    for name in ("Body", "Cloth", "Smoke", "Force", "Tap", "Glass"):
+    for name in ("Body", "Cloth", "Smoke", "Smoke Ring", "Vortex Tube", "Turbulence", "Force", "Tap", "Glass"):
         bpy.data.objects.remove(bpy.data.objects[name])
     scene.frame_end = 40
     bpy.ops.meniscus.simulate()
@@ -322,6 +326,25 @@ def stage_panels(folder: Path) -> None:
     names = [slot.material.name for slot in glass.material_slots if slot.material]
     check(names == ["Glass"], "a collider of glass without a material gets the material Glass", names)
     check(bool(session.status(job)), "the job has a status")
+    check_colours(folder / "colours")
+
+
+def check_colours(folder: Path) -> None:
+    """With *Colours by Source* surfaces have the number of their source while they arrive, at the end, and meshed again."""
+    scene = empty(folder)
+    for kind in ("tank", "pool", "drop"):
+        add(kind)
+    scene.meniscus.liquid.spacing, scene.frame_end, scene.meniscus.use_colours = 0.08, 200, True
+    arrivals(scene, lambda: water(scene) is not None)
+    names = [each.name for each in water(scene).data.materials]
+    check(sequence_input(water(scene), "Colours") and names == ["Liquids"], "surfaces that arrive have colours", names)
+    scene.frame_end = 3
+    bpy.ops.meniscus.start_over(wait=True)
+    for name in ("at the end", "meshed again"):
+        mesh = water(scene).evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+        check(sequence_input(water(scene), "Colours") and "colour" in mesh.attributes, f"surfaces have colours {name}", list(mesh.attributes.keys()))
+        scene.meniscus.surface.voxel = 0.8
+        bpy.ops.meniscus.mesh(wait=True)
 
 
 if __name__ == "__main__":

@@ -118,6 +118,15 @@ KINDS = {
     ),
     "force": Kind("Force", "Accelerates liquid and cloth", "FORCE_FORCE", "FORCE", "EVERYWHERE", None, sets_spacing=False),
     "smoke": Kind("Smoke", "A source of smoke", "VOLUME_DATA", "SMOKE", "SPHERE", lambda: sphere(0.15), place=(0, 0, 0.15)),
+    "ring": Kind("Smoke Ring", "A ring of smoke that flies up", "MESH_TORUS", "RING", "DISC", lambda: disc(0.4), place=(0, 0, 0.3)),
+    "tube": Kind(
+        "Vortex Tube", "Air that swirls around an axis", "MESH_CYLINDER", "TUBE", "BOX",
+        lambda: turned([(0, 0), (0.1, 0), (0.1, 1), (0, 1)]),
+    ),
+    "turbulence": Kind(
+        "Turbulence", "Random swirls in the air of smoke", "FORCE_TURBULENCE", "TURBULENCE", "BOX",
+        lambda: box((-0.5, -0.5, 0), (0.5, 0.5, 1)),
+    ),
     "cloth": Kind("Cloth", "A square of cloth", "MOD_CLOTH", "CLOTH", "MESH", lambda: grid(1.0, 40), place=(0, 0, 0.8)),
 }
 

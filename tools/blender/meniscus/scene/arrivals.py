@@ -13,7 +13,7 @@ import bpy
 from .. import colliders, outputs, volumes
 from ..check import check_cache, check_sequence, check_sheet
 from ..folder import ShotFolder
-from ..headers import check_ply
+from ..headers import MAX_PLY_HEADER_BYTES, check_ply, head
 from ..messages import ShotError
 from ..motion import read_motion
 from ..shot import FOG, FRAME_NUMBER, Frames, MeshOutput, SequenceOutput, Shot, VolumeOutput, below, read_shot
@@ -24,6 +24,8 @@ from .identity import Sources
 
 SURFACE = MeshOutput("liquid", f"mesh/liquid_{FRAME_NUMBER}.ply", Frames(0, 0, 1), True)
 SMOKE = VolumeOutput("smoke", f"volume/smoke_{FRAME_NUMBER}.vdb", Frames(0, 0, 1), True, (FOG, "velocity"))
+# Property of surfaces with colours.
+SOURCE = b" source\n"
 # A file may be replaced while it is read: so many looks may fail in a row.
 MAX_FAILURES = 5
 
@@ -83,7 +85,8 @@ class Arrivals:
             return
         for frame in self.frames[before:count]:
             check_ply(files, SURFACE.path(frame))
-        output = MeshOutput(SURFACE.name, SURFACE.pattern, self.span(count), True)
+        content, _ = head(files, SURFACE.path(self.frames[before]), MAX_PLY_HEADER_BYTES)
+        output = MeshOutput(SURFACE.name, SURFACE.pattern, self.span(count), True, SOURCE in content.partition(b"element face")[0])
         show.target(scene).sequence(output, outputs.shot_folder(files.root, "AUTO"), read_viscosity(self.shot))
         self.shown[SURFACE.name] = count
         self.last["Surface"] = output.frames.last

@@ -64,6 +64,7 @@ def of_object(role) -> dict[str, object]:
     if role.role == "CLOTH":
         values |= {name: getattr(role, name) for name in OF_CLOTH}
         add(values, role.drag, "drag.")
+        add(values, role.joint, "joint.")
     return {path: value for path, value in values.items() if path not in SAMPLED}
 
 

@@ -172,9 +172,7 @@ class MENISCUS_OT_mesh(JobOperator, bpy.types.Operator):
     bl_label = "Mesh Again"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        scene = context.scene
-        table = settings.values(scene.meniscus.surface, "SurfaceParams", scene.unit_settings.scale_length)
-        return self.begin(context, "mesh", (f"surface={inline(table)}",))
+        return self.begin(context, "mesh", (f"surface={inline(preset.surface_values(context.scene))}",))
 
 
 class MENISCUS_OT_whitewater(JobOperator, bpy.types.Operator):

@@ -41,6 +41,8 @@ class MENISCUS_PT_object(bpy.types.Panel):
             settings.draw(layout, getattr(role, f"kind_{role.kind}"), role.kind, kind.keys)
         if role.role == "CLOTH":
             self.draw_cloth(context, layout, role)
+        if role.role == "REGION":
+            layout.prop(role, "region_of")
         if role.role in roles.DEFINITIONS:
             definition, attribute = roles.DEFINITIONS[role.role]
             settings.draw(layout, getattr(role, attribute), definition)
@@ -55,6 +57,11 @@ class MENISCUS_PT_object(bpy.types.Panel):
         layout.prop(role, "use_air")
         if role.use_air:
             settings.draw(layout, role.drag, "Drag")
+        layout.prop(role, "joint_to")
+        if role.joint_to is not None:
+            layout.prop_search(role, "joint_points", context.object, "vertex_groups")
+            layout.prop_search(role, "joint_other_points", role.joint_to, "vertex_groups")
+            settings.draw(layout, role.joint, "Joint")
 
 
 class ShotPanel:
@@ -173,12 +180,21 @@ class MENISCUS_PT_whitewater(SettingsPanel):
         self.layout.prop(context.scene.meniscus, "use_whitewater", text="")
 
 
+class MENISCUS_PT_surface(SettingsPanel):
+    bl_label = "Surface"
+    definition, attribute = "SurfaceParams", "surface"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        self.layout.use_property_split = True
+        self.layout.prop(context.scene.meniscus, "use_colours")
+        SettingsPanel.draw(self, context)
+
+
 def settings_panel(label: str, definition: str, attribute: str) -> type:
     return type(f"MENISCUS_PT_{attribute}", (SettingsPanel,), {"bl_label": label, "definition": definition, "attribute": attribute})
 
 
-PARTS = [("Liquid", "LiquidParams", "liquid"), ("Surface", "SurfaceParams", "surface"), ("Smoke", "SmokeParams", "smoke")]
-PARTS += [("Cloth", "SheetsCommon", "sheets"), ("Volumes", "VolumeParams", "volume")]
+PARTS = [("Smoke", "SmokeParams", "smoke"), ("Cloth", "SheetsCommon", "sheets"), ("Volumes", "VolumeParams", "volume")]
 CLASSES = [
     *operators.CLASSES,
     MENISCUS_PT_object,
@@ -186,6 +202,8 @@ CLASSES = [
     MENISCUS_PT_sidebar,
     MENISCUS_PT_imported,
     MENISCUS_PT_quality,
+    settings_panel("Liquid", "LiquidParams", "liquid"),
+    MENISCUS_PT_surface,
     *(settings_panel(*part) for part in PARTS),
     MENISCUS_PT_whitewater,
 ]

@@ -10,9 +10,10 @@ import bpy
 import numpy as np
 
 from ..messages import ShotError, printable
-from . import assets, identity, poses, sample, schema, settings, toml
+from . import assets, identity, joints, poses, sample, schema, settings, toml, vortices
 from .names import QUALITIES, Names
 from .places import blend_from, check_owner, folder_of
+from .roles import OF_SMOKE
 from .run import BODIES, SHEETS, SURFACES, VOLUMES, WHITEWATER
 from .sample import Sampled
 from .shapes import Placed, Shaper
@@ -21,6 +22,8 @@ from .toml import Document, Table
 EARTH = 9.81
 # Keys of forces that are vectors in the object's axes.
 FORCE_VECTORS = {"acceleration", "velocity"}
+# Of surfaces with colours by source: without the key they have velocities alone.
+COLOURED = {"attributes": ["velocity", "source"]}
 # Smoke's own volumes need no finer grid, and no terms of a liquid's surface.
 SMOKE_SURFACE = {"voxel": 1.0, "kernel_radius": 3.0}
 
@@ -79,13 +82,15 @@ class Writer:
         self.shaper = Shaper(folder, notes)
         self.folder = folder
         self.document = Document()
+        # Shapes that several tables have.
+        self.placed: dict[str, Placed] = {}
         self.roles: dict[str, list[Sampled]] = {}
         names = Names()
         for each in sampled:
             self.roles.setdefault(each.role.role, []).append(each)
             each.asset = names.unique(each.source.name)
         self.has_liquid = bool(self.roles.get("FLUID") or self.roles.get("INFLOW"))
-        self.has_smoke, self.has_cloth, self.has_bodies = ("SMOKE" in self.roles, "CLOTH" in self.roles, "BODY" in self.roles)
+        self.has_smoke, self.has_cloth, self.has_bodies = bool(OF_SMOKE & self.roles.keys()), "CLOTH" in self.roles, "BODY" in self.roles
 
     def text(self) -> str:
         if not (self.has_liquid or self.has_smoke or self.has_cloth or self.has_bodies):
@@ -162,7 +167,10 @@ class Writer:
             for each in self.of("OUTFLOW"):
                 self.shaper.note(each, "is left out, since the scene has no liquid")
             return
-        self.document.table("liquid", settings.values(self.shot.liquid, "LiquidParams", self.scale))
+        values = settings.values(self.shot.liquid, "LiquidParams", self.scale)
+        if self.shot.use_colours:
+            values["channels"] = sorted({*values.get("channels", ()), "source"})
+        self.document.table("liquid", values)
         for each in self.of("FLUID"):
             placed = self.shaper.place(each, each.asset)
             self.entry("liquid.source", each, placed, self.values(each, "source", "LiquidSource"))
@@ -223,6 +231,22 @@ class Writer:
             if ranges:
                 found |= ranges[0]
             self.entry("smoke.emitter", each, self.shaper.place(each, each.asset), found)
+        self.vortices()
+
+    def vortices(self) -> None:
+        """What the air does at the start."""
+        for each in self.of("RING"):
+            own = vortices.ring(self.shaper.place(each, each.asset))
+            self.document.table("smoke.ring", own | self.values(each, "ring", "Ring"), note=each.source.name, repeated=True)
+        for each in self.of("TUBE"):
+            self.shaper.motion(each)
+            own = vortices.tube(each, self.shaper.bounds(each))
+            self.document.table("smoke.tube", own | self.values(each, "tube", "Tube"), note=each.source.name, repeated=True)
+        for number, each in enumerate(self.of("TURBULENCE")):
+            if number > 0:
+                raise ShotError(f"{printable(each.source.name)}: a second turbulence, and smoke has one. Enlarge the other, or use several shots")
+            values = {"shape": self.shaper.place(each, each.asset).shape} | self.values(each, "turbulence", "Turbulence")
+            self.document.table("smoke.turbulence", values, note=each.source.name)
 
     def cloth(self) -> None:
         for each in self.of("CLOTH"):
@@ -236,10 +260,15 @@ class Writer:
             values = {"name": name, "shape": {"mesh": {"file": file}}} | found
             self.document.table("sheet", values, note=each.source.name, repeated=True)
             self.pins(each)
+            self.regions(each)
         if self.has_cloth:
             common = settings.values(self.shot.sheets, "SheetsCommon", self.scale)
             if common:
                 self.document.table("sheets", common)
+            self.joints()
+        else:
+            for each in self.of("REGION"):
+                self.shaper.note(each, "is left out, since the scene has no cloth")
         for each in self.of("CLOTH"):
             role = each.role
             if self.has_liquid and role.use_liquid:
@@ -264,6 +293,31 @@ class Writer:
         if moves:
             values["keyframes"] = poses.keyframes(self.frames, poses.displacements(found))
         self.document.table("sheet.pin", values, repeated=True)
+
+    def regions(self, sheet: Sampled) -> None:
+        """Parts of a sheet with other material: all regions that are not of another cloth."""
+        for each in self.of("REGION"):
+            if each.role.region_of in (None, sheet.source):
+                if each.asset not in self.placed:
+                    self.placed[each.asset] = self.shaper.place(each, each.asset)
+                values = {"shape": self.placed[each.asset].shape} | self.values(each, "region", "Region")
+                self.document.table("sheet.region", values, note=each.source.name, repeated=True)
+
+    def joints(self) -> None:
+        """Points of two sheets that are held together."""
+        sheets = {each.source: each for each in self.of("CLOTH")}
+        for each in self.of("CLOTH"):
+            if each.role.joint_to is None:
+                continue
+            other = sheets.get(each.role.joint_to)
+            if other is None:
+                self.shaper.note(each, "its joint is left out, since the other object takes no part as cloth")
+                continue
+            own, theirs, largest = joints.pairs(each, other)
+            values = settings.values(each.role.joint, "Joint", self.scale)
+            joints.check_exact(each, values, largest)
+            both = {"sheets": [each.asset, other.asset], "at": [{"points": own}, {"points": theirs}]}
+            self.document.table("sheets.joint", both | values, note=f"{each.source.name} to {other.source.name}", repeated=True)
 
     def couple(self, system: str, sheet: str, found: dict[str, object]) -> None:
         self.document.table("coupling", {"between": [system, sheet]} | found, repeated=True)
@@ -315,7 +369,7 @@ class Writer:
 
     def surface(self) -> None:
         if self.has_liquid:
-            self.document.table("surface", settings.values(self.shot.surface, "SurfaceParams", self.scale))
+            self.document.table("surface", surface_values(self.scene))
         elif self.has_smoke:
             self.document.table("surface", SMOKE_SURFACE)
         if self.shot.use_whitewater and self.has_liquid:
@@ -383,6 +437,12 @@ class Writer:
             self.document.blank()
             self.document.lines.append(f"[quality.{tier}]")
             self.document.lines += [f"{key} = {toml.number(value)}" for key, value in values.items()]
+
+
+def surface_values(scene: bpy.types.Scene) -> Table:
+    """The table of the liquid's surface."""
+    values = settings.values(scene.meniscus.surface, "SurfaceParams", scene.unit_settings.scale_length)
+    return Table(COLOURED | values) if scene.meniscus.use_colours else values
 
 
 def clean_vector(vector: np.ndarray) -> list[float]:

@@ -18,6 +18,10 @@ ROLES = [
     ("CLOTH", "Cloth", "A sheet of cloth or rubber", "MOD_CLOTH", 6),
     ("FORCE", "Force", "Accelerates liquid and cloth", "FORCE_FORCE", 7),
     ("SMOKE", "Smoke Source", "Gives off smoke while the shot runs", "VOLUME_DATA", 8),
+    ("RING", "Smoke Ring", "A ring of smoke when the shot starts, which flies along the object's Z axis", "MESH_TORUS", 9),
+    ("TUBE", "Vortex Tube", "Air that swirls around the object's Z axis when the shot starts", "MESH_CYLINDER", 10),
+    ("TURBULENCE", "Turbulence", "Random swirls of the smoke's air when the shot starts", "FORCE_TURBULENCE", 11),
+    ("REGION", "Cloth Region", "Cloth in the object when the shot starts has other material", "MOD_VERTEX_WEIGHT", 12),
 ]
 # Each role's definition in the schema and the attribute with its settings.
 DEFINITIONS = {
@@ -28,9 +32,15 @@ DEFINITIONS = {
     "CLOTH": ("SheetParams", "cloth"),
     "FORCE": ("ForceParams", "force"),
     "SMOKE": ("Emitter", "smoke"),
+    "RING": ("Ring", "ring"),
+    "TUBE": ("Tube", "tube"),
+    "TURBULENCE": ("Turbulence", "turbulence"),
+    "REGION": ("Region", "region"),
 }
+# Roles that make a scene one with smoke.
+OF_SMOKE = {"SMOKE", "RING", "TUBE", "TURBULENCE"}
 # Roles whose objects only mark a volume: pictures show the liquid, not them.
-VOLUMES = {"FLUID", "INFLOW", "OUTFLOW", "FORCE", "SMOKE"}
+VOLUMES = {"FLUID", "INFLOW", "OUTFLOW", "FORCE", "REGION", *OF_SMOKE}
 SHAPE_ITEMS = {
     "MESH": ("MESH", "Mesh", "The object's surface with its modifiers; its faces enclose a volume", "MESH_DATA", 0),
     "BOX": ("BOX", "Box", "The object's bounding box in its own axes", "MESH_CUBE", 1),
@@ -51,12 +61,15 @@ SHAPES = {
     "CLOTH": ["MESH"],
     "FORCE": ["EVERYWHERE", "MESH", "BOX", "SPHERE"],
     "SMOKE": ["MESH", "BOX", "SPHERE"],
+    "RING": ["DISC"],
+    "TUBE": ["BOX"],
+    "TURBULENCE": ["BOX", "SPHERE"],
+    "REGION": ["BOX", "MESH", "SPHERE"],
 }
 # A property that was never set has the number 0, which is in the list of every role.
 # Blender wants the lists of items to live as long as the property.
 SHAPES_OF_ROLE = {role: [SHAPE_ITEMS[shape] for shape in shapes] for role, shapes in SHAPES.items()}
-SHEETS_SKIPPED = frozenset({"joint"})
-# `turbulence` of smoke and the rings and tubes have shapes of their own, which no object has.
+# Made of objects, as rings, tubes, joints and regions are.
 SMOKE_SKIPPED = frozenset({"turbulence"})
 
 
@@ -95,6 +108,10 @@ def look(data: "ObjectRole") -> str:
     return group.look if group is not None and group.use_look else "matte"
 
 
+def is_cloth(_data: "ObjectRole", other: bpy.types.Object) -> bool:
+    return other.meniscus.role == "CLOTH"
+
+
 def scene_key(definition: str, name: str) -> str:
     return schema.key(definition, name).text
 
@@ -109,7 +126,7 @@ def make_classes() -> list[type]:
     kind_items = [(kind.name, kind.name.title(), kind.text, index) for index, kind in enumerate(kinds)]
     liquid_group = settings.group("LiquidParams")
     smoke_group = settings.group("SmokeParams", skip=SMOKE_SKIPPED)
-    sheets_group = settings.group("SheetsCommon", skip=SHEETS_SKIPPED)
+    sheets_group, joint_group = settings.group("SheetsCommon"), settings.group("Joint")
     surface_group, whitewater_group, volume_group = (settings.group(f"{name}Params") for name in ("Surface", "Whitewater", "Volume"))
     drag_group = settings.group("Drag")
 
@@ -139,6 +156,16 @@ def make_classes() -> list[type]:
         use_air: BoolProperty(name="Air", description="The air of the smoke pushes this cloth", default=True)
         liquid_friction: FloatProperty(name="Friction of Liquid", description=scene_key("Coupling", "friction"), min=0.0, default=0.1)
         drag: PointerProperty(type=drag_group)
+        joint_to: PointerProperty(
+            name="Join To", description="The cloth whose points are joined to this one's; the same object joins points of its own",
+            type=bpy.types.Object, poll=is_cloth,
+        )
+        joint_points: StringProperty(name="Points", description="Vertex group of this cloth: each of its points is joined to the nearest of the other's")
+        joint_other_points: StringProperty(name="Other Points", description="Vertex group of the other cloth. Of unequal groups, the farthest points stay free")
+        joint: PointerProperty(type=joint_group)
+        region_of: PointerProperty(
+            name="Cloth", description="The cloth that has the region; empty: all of it", type=bpy.types.Object, poll=is_cloth
+        )
 
     for name, group in groups.items():
         ObjectRole.__annotations__[name] = PointerProperty(type=group)
@@ -168,6 +195,10 @@ def make_classes() -> list[type]:
         preview: FloatProperty(name="Preview", description="Spacing of the preview over that of the final", min=1.0, max=10.0, default=1.4)
         threads: IntProperty(name="Threads", description="Threads of the engine; 0 uses every core", min=0, max=1024)
         use_whitewater: BoolProperty(name="Whitewater", description="Spray, foam and bubbles of the liquid")
+        use_colours: BoolProperty(
+            name="Colours by Source",
+            description="Each fluid and inflow has a colour of its own, which mix: Colour 1 to 6 of the surface's modifier. Needs a new simulation",
+        )
         liquid: PointerProperty(type=liquid_group)
         smoke: PointerProperty(type=smoke_group)
         sheets: PointerProperty(type=sheets_group)

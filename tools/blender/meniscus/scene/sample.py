@@ -269,15 +269,17 @@ def geometry(evaluated: bpy.types.Object, graph: bpy.types.Depsgraph, keep_quads
 
 def pinned(each: Sampled) -> list[int]:
     """Numbers of the vertices in the group of pins. Raises ShotError."""
-    name = each.role.pins
-    if not name:
-        return []
+    return members(each, each.role.pins, "its pins") if each.role.pins else []
+
+
+def members(each: Sampled, name: str, purpose: str) -> list[int]:
+    """Numbers of the vertices in a vertex group, which has some. Raises ShotError."""
     source = each.source
     group = source.vertex_groups.get(name)
     if group is None:
-        raise ShotError(f"{printable(source.name)}: has no vertex group {printable(name)} for its pins. Choose one that it has")
+        raise ShotError(f"{printable(source.name)}: has no vertex group {printable(name)} for {purpose}. Choose one that it has")
     if len(source.data.vertices) != len(each.geometry.vertices):
-        finding = "its modifiers change the number of vertices, so the vertex group of its pins does not fit"
+        finding = f"its modifiers change the number of vertices, so the vertex group for {purpose} does not fit"
         raise ShotError(f"{printable(source.name)}: {finding}. Apply the modifiers")
     weights = ((vertex.index, entry.weight) for vertex in source.data.vertices for entry in vertex.groups if entry.group == group.index)
     found = sorted(index for index, weight in weights if weight >= 0.5)
