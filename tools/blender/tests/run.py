@@ -27,6 +27,7 @@ TOOL = HERE.parent
 HANG_SECONDS = 900
 SCENES = {
     "scenes.py": ["tap"],
+    "first.py": ["first"],
     "presets.py": ["presets"],
     "placing.py": ["placing"],
     "sampling.py": ["sampling"],

@@ -97,6 +97,7 @@ class Writer:
             raise ShotError("The scene has nothing to simulate. Add a pool, an inflow, smoke, cloth or a body: Add > Meniscus")
         self.head()
         self.world()
+        self.falling()
         self.liquid()
         self.smoke()
         self.cloth()
@@ -154,6 +155,14 @@ class Writer:
             if not all(each.is_on):
                 self.shaper.note(each, "a collider is always on; its keyframes of On are left out")
             self.entry("world.collider", each, placed, found)
+
+    def falling(self) -> None:
+        """Notes that nothing is below what falls: a newcomer's water is gone after a second."""
+        falls = [name for name, has in (("liquid", self.has_liquid), ("bodies", self.has_bodies), ("cloth", self.has_cloth)) if has]
+        is_held = "COLLIDER" in self.roles or (falls == ["cloth"] and all(each.pins for each in self.of("CLOTH")))
+        if falls and not is_held and self.scene.use_gravity:
+            text = "will fall without end. Add a floor, tank or glass: Add > Meniscus"
+            self.notes.append(f"The scene has no collider: {' and '.join(falls)} {text}")
 
     def entry(self, path: str, each: Sampled, placed: Placed, found: dict[str, object]) -> None:
         """One entry of a list of tables, with the object's name as its comment."""

@@ -66,7 +66,6 @@ SHAPES = {
     "TURBULENCE": ["BOX", "SPHERE"],
     "REGION": ["BOX", "MESH", "SPHERE"],
 }
-# A property that was never set has the number 0, which is in the list of every role.
 # Blender wants the lists of items to live as long as the property.
 SHAPES_OF_ROLE = {role: [SHAPE_ITEMS[shape] for shape in shapes] for role, shapes in SHAPES.items()}
 # Made of objects, as rings, tubes, joints and regions are.
@@ -81,14 +80,21 @@ def role_changed(data: "ObjectRole", _context: bpy.types.Context) -> None:
     """Gives the role its first shape; volumes become wires that are not rendered, others are shown again."""
     shown = data.id_data
     has_mesh = shown.type != "EMPTY"
-    if data.shape not in SHAPES[data.role] or (data.shape == "MESH" and not has_mesh):
-        data.shape = next((shape for shape in SHAPES[data.role] if has_mesh or shape != "MESH"), "MESH")
+    # Blender warns of a shape that is read and that the new role lacks.
+    shape = data.last_shape or "MESH"
+    if shape not in SHAPES[data.role] or (shape == "MESH" and not has_mesh):
+        shape = next((each for each in SHAPES[data.role] if has_mesh or each != "MESH"), "MESH")
+    data.shape = shape
     is_volume = data.role in VOLUMES
     if is_volume != data.is_marker:
         data.is_marker, shown.hide_render = is_volume, is_volume
         if shown.type != "EMPTY":
             shown.display_type = "WIRE" if is_volume else "TEXTURED"
     look_changed(data)
+
+
+def shape_changed(data: "ObjectRole", _context: bpy.types.Context) -> None:
+    data.last_shape = data.shape
 
 
 def look_changed(data: "ObjectRole") -> None:
@@ -134,7 +140,8 @@ def make_classes() -> list[type]:
 
     class ObjectRole(bpy.types.PropertyGroup):
         role: EnumProperty(name="Role", description="What the object does in the simulation", items=ROLES, update=role_changed)
-        shape: EnumProperty(name="Shape", description="The shape that the engine uses in place of the object", items=shape_items)
+        shape: EnumProperty(name="Shape", description="The shape that the engine uses in place of the object", items=shape_items, update=shape_changed)
+        last_shape: StringProperty(options={"HIDDEN"})
         is_marker: BoolProperty()
         # Of identity.py.
         identifier: StringProperty(options={"HIDDEN"})

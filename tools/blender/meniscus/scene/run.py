@@ -36,7 +36,7 @@ REPEATED = {SHEETS: ["export", "{}", "--format", "pc2"], BODIES: ["colliders", "
 # The log of what is wrong with a preset.
 PROBLEMS = runner.PROBLEMS
 # The steps of a job and what they are for.
-LABELS = {"simulate": "Simulating", "outputs": "Writing outputs", "plan": "Planning", "mesh": "Meshing", "whitewater": "Whitewater"}
+LABELS = {"simulate": "Simulating", "outputs": "Writing outputs", "plan": "Planning", "mesh": "Meshing", "whitewater": "Whitewater", "colliders": "Writing bodies"}
 REASONS = {
     1: "failed",
     2: "the preset is refused",
@@ -51,6 +51,8 @@ REASONS = {
     33: "more memory is needed than is allowed",
 }
 PAUSED = runner.INTERRUPTED
+# Part of the engine's note on a frame without particles.
+EMPTY = "no particles, so its"
 
 
 class Log:
@@ -120,6 +122,8 @@ class Job:
         self.process: subprocess.Popen | None = None
         self.messages: deque[str] = deque(maxlen=SHOWN_MESSAGES)
         self.error = ""
+        # Notes on frames without particles.
+        self.empty: set[str] = set()
         self.is_running = False
         self.code: int | None = None
         self.description: dict = {}
@@ -166,6 +170,9 @@ class Job:
         for name in [*FOLLOWING, PROBLEMS, *(step["name"] for step in self.description.get("steps", []))]:
             self.read(name)
         if not self.is_running:
+            if self.empty:
+                self.messages.append(f"{len(self.empty)} frame(s) are empty: there were no particles")
+                self.empty.clear()
             code = self.state.get("code")
             self.code = code if isinstance(code, int) else None
             if self.code in (0, PAUSED):
@@ -199,8 +206,11 @@ class Job:
                 continue
             if event == "error":
                 self.error = text
+            if event == "note" and EMPTY in text:
+                # One for each frame before an emitter starts.
+                self.empty.add(text)
             # Several commands of a job note the same.
-            if event == "note" and text not in self.messages:
+            elif event == "note" and text not in self.messages:
                 self.messages.append(text)
         progress.end_look()
 
@@ -352,4 +362,6 @@ def steps_of(action: str, tier: str, preset: Path, changes: list[str], threads: 
         commands = [(name, [part.format(tier) for part in command]) for name, command in table.items() if name in products]
         if commands:
             simulate[key] = [{"name": name, "arguments": [*command, *common]} for name, command in commands]
-    return [simulate, {"name": "outputs", "arguments": ["shot", *of_preset, "-o", tier, *common]}]
+    steps = [simulate, {"name": "outputs", "arguments": ["shot", *of_preset, "-o", tier, *common]}]
+    # Bodies are written with other outputs, and are no output that a preset can name.
+    return steps + ([{"name": "colliders", "arguments": ["colliders", tier, *common]}] if products == {BODIES} else [])

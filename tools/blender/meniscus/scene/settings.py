@@ -42,7 +42,7 @@ STARTS = {
     "Contact.thickness": 0.002,
     "Turbulence.scale": 0.4,
     "Turbulence.strength": 0.3,
-    "Ring.thickness": 0.08,
+    "Ring.thickness": 0.1,
     "Ring.circulation": 1.6,
     "Tube.thickness": 0.1,
     "Tube.circulation": 1.0,
