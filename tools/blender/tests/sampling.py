@@ -55,6 +55,7 @@ def check_rest(folder: Path) -> None:
     cases.append(("a modifier", lambda: pool.modifiers.new("Bevel", "BEVEL"), False))
     cases.append(("an animated setting of the scene", lambda: scene.keyframe_insert("gravity"), True))
     cases.append(("a handler of another extension", lambda: bpy.app.handlers.frame_change_post.append(handler), True))
+    cases.append(("a parent that is a rigid body", lambda: parent(pool, rigid()), True))
     for name, change, moves in cases:
         change()
         with Sampled() as frames:
@@ -71,6 +72,14 @@ def handler(*_) -> None:
 def parent(one: bpy.types.Object, other: bpy.types.Object) -> bpy.types.Object:
     one.parent = other
     return one
+
+
+def rigid() -> bpy.types.Object:
+    each = bpy.data.objects.new("Rigid", bpy.data.meshes.new("Rigid"))
+    bpy.context.collection.objects.link(each)
+    with bpy.context.temp_override(object=each, active_object=each, selected_objects=[each]):
+        bpy.ops.rigidbody.object_add()
+    return each
 
 
 def drive(pool: bpy.types.Object, other: bpy.types.Object) -> None:

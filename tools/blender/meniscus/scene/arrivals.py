@@ -5,7 +5,6 @@ Surfaces and volumes of smoke have a file a frame, and are shown up to the last 
 bodies and whitewater are made of all frames so far, again and again: each time, their objects are updated.
 """
 
-from collections.abc import Iterable
 from pathlib import Path
 
 import bpy
@@ -130,7 +129,7 @@ class Arrivals:
             self.bodies(context, scene, shot, files)
         self.passes = dict(passes)
 
-    def shapes(self, context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, files: ShotFolder, keys: Iterable[tuple[str, int]]) -> None:
+    def shapes(self, context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, files: ShotFolder, keys: list[tuple[str, int]]) -> None:
         """Makes the results of cloth and bodies, which follow their files from then on."""
         target, sources = show.target(scene), Sources(self.root)
         lacking = [key for key, _ in keys if key not in self.made or target.existing(key) is None]

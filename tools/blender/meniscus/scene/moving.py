@@ -26,8 +26,6 @@ def moves(scene: bpy.types.Scene, sources: list[bpy.types.Object]) -> bool:
     if bpy.app.handlers.frame_change_pre or bpy.app.handlers.frame_change_post:
         # Other extensions move things there.
         return True
-    if scene.rigidbody_world is not None and any(each.rigid_body for each in sources):
-        return True
     return is_animated(scene) or any(may_change(each) for each in dependencies(sources))
 
 
@@ -59,7 +57,7 @@ def may_change(each: bpy.types.ID) -> bool:
     if isinstance(each, bpy.types.NodeTree):
         return any(node.bl_idname in TIME_NODES or node.bl_idname.startswith("GeometryNodeImport") for node in each.nodes)
     if isinstance(each, bpy.types.Object):
-        return any(modifier.type not in STATIC_MODIFIERS for modifier in each.modifiers)
+        return each.rigid_body is not None or any(modifier.type not in STATIC_MODIFIERS for modifier in each.modifiers)
     return False
 
 

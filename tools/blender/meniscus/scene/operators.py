@@ -130,10 +130,11 @@ class MENISCUS_OT_start_over(WritingJobOperator, bpy.types.Operator):
             return super().execute(context)
         # A confirmed operator is executed, and only an invoked one can be modal.
         try:
-            return bpy.ops.meniscus.simulate("INVOKE_DEFAULT", replaces=True)
+            bpy.ops.meniscus.simulate("INVOKE_DEFAULT", replaces=True)
         except RuntimeError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
+        return {"FINISHED"}
 
 
 class MENISCUS_OT_resume(JobOperator, bpy.types.Operator):
