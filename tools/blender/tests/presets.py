@@ -320,8 +320,10 @@ def check_kinds(folder: Path) -> None:
             pinned = bpy.data.objects["Cloth"]
             pinned.vertex_groups.new(name="Held").add(list(range(41)), 1.0, "REPLACE")
             pinned.meniscus.pins = "Held"
+            pinned.meniscus.pin.use_release, pinned.meniscus.pin.release = True, 3
             data, _ = write(scene, "cloth with pins")
             check(data["sheet"][0]["pin"][0]["at"]["points"] == list(range(41)), "the vertex group is pinned")
+            check(data["sheet"][0]["pin"][0]["release"] == 3, "pins let go at a frame")
     scene = fresh(folder / "forces")
     for kind in ("uniform", "point", "vortex", "turbulence", "drag"):
         for shape in ("EVERYWHERE", "SPHERE"):

@@ -51,6 +51,7 @@ class MENISCUS_PT_object(bpy.types.Panel):
         layout.prop_search(role, "pins", context.object, "vertex_groups")
         if role.pins:
             layout.prop(role, "pin_stiffness")
+            settings.draw(layout, role.pin, "Pin")
         layout.prop(role, "use_liquid")
         if role.use_liquid:
             layout.prop(role, "liquid_friction")

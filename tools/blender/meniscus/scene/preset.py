@@ -299,6 +299,7 @@ class Writer:
         values: dict[str, object] = {"at": {"points": each.pins}}
         if each.role.pin_stiffness > 0.0:
             values["stiffness"] = float(each.role.pin_stiffness)
+        values |= settings.values(each.role.pin, "Pin", self.scale)
         if moves:
             values["keyframes"] = poses.keyframes(self.frames, poses.displacements(found))
         self.document.table("sheet.pin", values, repeated=True)

@@ -132,6 +132,8 @@ def make_classes() -> list[type]:
     kind_items = [(kind.name, kind.name.title(), kind.text, index) for index, kind in enumerate(kinds)]
     liquid_group = settings.group("LiquidParams")
     smoke_group = settings.group("SmokeParams", skip=SMOKE_SKIPPED)
+    # Points, motion and stiffness of pins are those of vertex group, object and `pin_stiffness`.
+    pin_group = settings.group("Pin", skip=frozenset({"stiffness", "collider", "place"}))
     sheets_group, joint_group = settings.group("SheetsCommon"), settings.group("Joint")
     surface_group, whitewater_group, volume_group = (settings.group(f"{name}Params") for name in ("Surface", "Whitewater", "Volume"))
     drag_group = settings.group("Drag")
@@ -159,6 +161,7 @@ def make_classes() -> list[type]:
         kind: EnumProperty(name="Kind", description=scene_key("ForceParams", "kind"), items=kind_items)
         pins: StringProperty(name="Pins", description="Vertex group whose points are held: those with a weight of at least 0.5")
         pin_stiffness: FloatProperty(name="Pin Stiffness (N/m)", description=scene_key("Pin", "stiffness"), min=0.0, default=0.0)
+        pin: PointerProperty(type=pin_group)
         use_liquid: BoolProperty(name="Liquid", description="Liquid and this cloth push each other", default=True)
         use_air: BoolProperty(name="Air", description="The air of the smoke pushes this cloth", default=True)
         liquid_friction: FloatProperty(name="Friction of Liquid", description=scene_key("Coupling", "friction"), min=0.0, default=0.1)

@@ -117,19 +117,21 @@ def report_instances(each: bpy.types.Object, notes: list[str]) -> None:
 @contextmanager
 def quiet(context: bpy.types.Context, sources: list[bpy.types.Object]) -> Iterator[None]:
     """Shows objects that only their own eye hides, and switches results off, which would read a file a frame."""
+    # A generator that is closed from another window has another context.
+    layer = context.view_layer
     scene, before = context.scene, (context.scene.frame_current, context.scene.frame_subframe)
-    hidden = [each for each in sources if each.hide_get(view_layer=context.view_layer)]
+    hidden = [each for each in sources if each.hide_get(view_layer=layer)]
     results = [each for each in scene.objects if each.get(OUTPUT)]
     modifiers = [one for each in results for one in each.modifiers if one.show_viewport and one.name.startswith(nodes.NAME.split()[0])]
     try:
         for each in hidden:
-            each.hide_set(False, view_layer=context.view_layer)
+            each.hide_set(False, view_layer=layer)
         for modifier in modifiers:
             modifier.show_viewport = False
         yield
     finally:
         for each in hidden:
-            restore(lambda each=each: each.hide_set(True, view_layer=context.view_layer))
+            restore(lambda each=each: each.hide_set(True, view_layer=layer))
         for modifier in modifiers:
             restore(lambda modifier=modifier: setattr(modifier, "show_viewport", True))
         restore(lambda: scene.frame_set(before[0], subframe=before[1]))

@@ -151,6 +151,9 @@ class PresetOperator:
             self.cancel(context)
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
+        except BaseException:
+            self.cancel(context)
+            raise
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Ends sampling, however far it is; Blender calls it when it closes the window."""
