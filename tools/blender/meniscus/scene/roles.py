@@ -125,19 +125,19 @@ def scene_key(definition: str, name: str) -> str:
 def make_classes() -> list[type]:
     """The classes of properties, whose tables come from the schema."""
     settings.updates["look"] = lambda group, _context: look_changed(group.id_data.meniscus)
+    return [object_class(), scene_class()]
+
+
+def object_class() -> type:
+    """Properties of an object."""
     groups = {attribute: settings.group(definition) for definition, attribute in DEFINITIONS.values()}
     kinds = schema.choices("ForceKind")
     placed = frozenset({"center", "axis"})
     kind_groups = {kind.name: settings.group(kind.name, kind.keys, placed) for kind in kinds}
     kind_items = [(kind.name, kind.name.title(), kind.text, index) for index, kind in enumerate(kinds)]
-    liquid_group = settings.group("LiquidParams")
-    smoke_group = settings.group("SmokeParams", skip=SMOKE_SKIPPED)
     # Points, motion and stiffness of pins are those of vertex group, object and `pin_stiffness`.
     pin_group = settings.group("Pin", skip=frozenset({"stiffness", "collider", "place"}))
-    sheets_group, joint_group = settings.group("SheetsCommon"), settings.group("Joint")
-    surface_group, whitewater_group, volume_group = (settings.group(f"{name}Params") for name in ("Surface", "Whitewater", "Volume"))
-    drag_group = settings.group("Drag")
-
+    joint_group, drag_group = settings.group("Joint"), settings.group("Drag")
     voxels = schema.key("MeshShape", "resolution")
 
     class ObjectRole(bpy.types.PropertyGroup):
@@ -181,6 +181,15 @@ def make_classes() -> list[type]:
         ObjectRole.__annotations__[name] = PointerProperty(type=group)
     for name, group in kind_groups.items():
         ObjectRole.__annotations__[f"kind_{name}"] = PointerProperty(type=group)
+    ObjectRole.__name__ = "MENISCUS_PG_object"
+    return ObjectRole
+
+
+def scene_class() -> type:
+    """Properties of a scene."""
+    liquid_group = settings.group("LiquidParams")
+    smoke_group, sheets_group = settings.group("SmokeParams", skip=SMOKE_SKIPPED), settings.group("SheetsCommon")
+    surface_group, whitewater_group, volume_group = (settings.group(f"{name}Params") for name in ("Surface", "Whitewater", "Volume"))
 
     class SceneShot(bpy.types.PropertyGroup):
         folder: StringProperty(
@@ -216,8 +225,8 @@ def make_classes() -> list[type]:
         whitewater: PointerProperty(type=whitewater_group)
         volume: PointerProperty(type=volume_group)
 
-    ObjectRole.__name__, SceneShot.__name__ = "MENISCUS_PG_object", "MENISCUS_PG_scene"
-    return [ObjectRole, SceneShot]
+    SceneShot.__name__ = "MENISCUS_PG_scene"
+    return SceneShot
 
 
 classes: list[type] = []
