@@ -80,6 +80,15 @@ def animate(made: bpy.types.Object, motion: Motion) -> None:
     data.action, data.action_slot = action, slot
 
 
+def forget(made: bpy.types.Object) -> None:
+    """Removes the keyframes of an object, and their action unless another has it."""
+    action = made.animation_data.action if made.animation_data else None
+    if action is not None:
+        made.animation_data.action = None
+        if not action.users:
+            bpy.data.actions.remove(action)
+
+
 def matte() -> bpy.types.Material:
     """The file's own Collider that an earlier import made, else a new one."""
     return plain(MATTE_NAME, MATTE_STAMP, MATTE_COLOUR, MATTE_ROUGHNESS)

@@ -71,6 +71,12 @@ def level_set(volume: bpy.types.Object, name: str, material: bpy.types.Material)
 
 def size(context: bpy.types.Context, name: str, paths: list[str]) -> float:
     """The diagonal of the first frame with smoke: an emitter's first is empty. 1 if there is none."""
+    found = extent(context, name, paths)
+    return 1.0 if found is None else found
+
+
+def extent(context: bpy.types.Context, name: str, paths: list[str]) -> float | None:
+    """The diagonal of the first of some files with smoke in it; None if there is none."""
     probe = bpy.data.volumes.new(name)
     shown = bpy.data.objects.new(name, probe)
     context.collection.objects.link(shown)
@@ -82,7 +88,7 @@ def size(context: bpy.types.Context, name: str, paths: list[str]) -> float:
             diagonal = sum(span * span for span in spans) ** 0.5
             if diagonal > 0.0 and math.isfinite(diagonal):
                 return diagonal
-        return 1.0
+        return None
     finally:
         # Takes the object along.
         bpy.data.volumes.remove(probe)

@@ -138,7 +138,7 @@ def check_runner(folder: Path) -> None:
             raise OSError(errno.EIO, "planted")
 
     try:
-        Broken(run).run_step({"name": "simulate", "arguments": SLEEP, "follow": SLEEP, "follow_name": "surfaces"})
+        Broken(run).run_step({"name": "simulate", "arguments": SLEEP, "follow": [{"name": "surfaces", "arguments": SLEEP}]})
     except OSError:
         pass
     check(started[0].poll() is not None, "after an error of the runner no engine is left")

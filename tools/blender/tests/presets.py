@@ -91,7 +91,8 @@ def posed(vertices: np.ndarray, keyframes: list[dict], frame: int) -> np.ndarray
     place = (1.0 - part) * np.array(one["position"]) + part * np.array(other["position"])
     turns = [Quaternion(key.get("quaternion", (1.0, 0.0, 0.0, 0.0))) for key in (one, other)]
     size = (1.0 - part) * one.get("scale", 1.0) + part * other.get("scale", 1.0)
-    return size * vertices @ np.array(turns[0].slerp(turns[1], part).to_matrix()).T + place
+    # Blender's slerp between near rotations is linear, and not normalized.
+    return size * vertices @ np.array(turns[0].slerp(turns[1], part).normalized().to_matrix()).T + place
 
 
 def check_names(folder: Path) -> None:
@@ -184,6 +185,37 @@ def check_motion(folder: Path) -> None:
     check(volume > 0.0, "faces of a mirrored object look outwards", volume)
 
 
+def check_turns(folder: Path) -> None:
+    """A turn at constant speed needs a keyframe for each 2.5 rad, and gives Blender's own poses; one that speeds up keeps its frames."""
+    scene = fresh(folder)
+    scene.frame_end = 241
+    even, eased, tumbling = add("collider"), add("collider"), add("collider")
+    for made, name, turn in ((even, "Even", (0.3, 0.2, 20.0)), (eased, "Eased", (0.0, 0.0, 2.0)), (tumbling, "Tumbling", (9.0, 7.0, 20.0))):
+        made.name, made.location = name, (1.0, 2.0, 3.0)
+        for frame, angles in ((1, (0.3, 0.2, 0.0)), (241, turn)):
+            made.rotation_euler = angles if name != "Eased" else (0.0, 0.0, angles[2])
+            made.keyframe_insert("rotation_euler", frame=frame)
+        for curve in made.animation_data.action.layers[0].strips[0].channelbags[0].fcurves:
+            for point in curve.keyframe_points:
+                point.interpolation = "LINEAR" if name != "Eased" else "BEZIER"
+    data, _ = write(scene, "turning colliders")
+    keys = {Path(entry["shape"]["mesh"]["file"]).stem: entry["keyframes"] for entry in data["world"]["collider"]}
+    counts = {name: len(found) for name, found in keys.items()}
+    print(f"Keyframes of 241 frames: {counts}")
+    check(9 <= counts["Even"] <= 11, "a turn of 20 rad at constant speed has ten keyframes", counts)
+    check(counts["Eased"] > 100 and counts["Tumbling"] > 200, "turns that speed up or change their axis keep their frames", counts)
+    worst = dict.fromkeys(counts, 0.0)
+    rest = np.array([vertex.co for vertex in even.data.vertices])[::17]
+    vertices = {name: points(folder / "meniscus" / "assets" / f"{name}.ply")[::17] for name in counts}
+    for frame in range(1, 242):
+        scene.frame_set(frame)
+        for made in (even, eased, tumbling):
+            matrix, found = np.array(made.matrix_world), posed(vertices[made.name], keys[made.name], frame)
+            worst[made.name] = max(worst[made.name], np.abs(found - rest @ matrix[:3, :3].T - matrix[:3, 3]).max())
+    check(max(worst.values()) < 4e-6, "turns are where Blender has them, to 1e-5 rad at 0.2 m [m]", worst)
+    print(f"Largest distance from Blender's vertices: {worst}")
+
+
 def check_deforming(folder: Path) -> None:
     """A mesh that an armature bends arrives as a point cache with Blender's own places."""
     scene = fresh(folder)
@@ -265,10 +297,11 @@ def check_settings(folder: Path) -> None:
 def check_kinds(folder: Path) -> None:
     """Every entry of the menu makes a scene that the engine accepts."""
     kinds = list(scene_module("add").KINDS)
-    check(len(kinds) == 13, "the menu has thirteen entries", kinds)
-    for chosen in ({"body"}, {"cloth", "smoke"}):
+    check(len(kinds) == 16, "the menu has sixteen entries", kinds)
+    smokes = {"smoke", "ring", "tube", "turbulence"}
+    for chosen in ({"body"}, {"cloth", *smokes}):
         scene = fresh(folder / "-".join(sorted(chosen)))
-        for kind in (kind for kind in kinds if kind not in ({"body", "cloth", "smoke"} - chosen)):
+        for kind in (kind for kind in kinds if kind not in ({"body", "cloth", *smokes} - chosen)):
             made = add(kind)
             check(made.meniscus.role != "NONE", f"{made.name} has a role")
         scene.meniscus.liquid.spacing = 0.05
@@ -276,6 +309,7 @@ def check_kinds(folder: Path) -> None:
         data, _ = write(scene, f"all kinds with {' and '.join(sorted(chosen))}")
         check("whitewater" in data, "whitewater has its table")
         if "cloth" in chosen:
+            check({"emitter", "ring", "tube", "turbulence"} < data["smoke"].keys(), "smoke has all of its tables", list(data["smoke"]))
             for kind in ("cloth", "smoke"):
                 second = add(kind)
                 second.location.x = 3.0
@@ -286,8 +320,10 @@ def check_kinds(folder: Path) -> None:
             pinned = bpy.data.objects["Cloth"]
             pinned.vertex_groups.new(name="Held").add(list(range(41)), 1.0, "REPLACE")
             pinned.meniscus.pins = "Held"
+            pinned.meniscus.pin.use_release, pinned.meniscus.pin.release = True, 3
             data, _ = write(scene, "cloth with pins")
             check(data["sheet"][0]["pin"][0]["at"]["points"] == list(range(41)), "the vertex group is pinned")
+            check(data["sheet"][0]["pin"][0]["release"] == 3, "pins let go at a frame")
     scene = fresh(folder / "forces")
     for kind in ("uniform", "point", "vortex", "turbulence", "drag"):
         for shape in ("EVERYWHERE", "SPHERE"):
@@ -296,6 +332,65 @@ def check_kinds(folder: Path) -> None:
             made.meniscus.force.use_falloff, made.meniscus.force.falloff, made.meniscus.factor = True, 0.2, 0.5
     data, _ = write(scene, "every kind of force")
     check(len(data["force"]) == 10 and all(force["strength_keyframes"] == [{"frame": 1, "factor": 0.5}] for force in data["force"]), "forces have their strength")
+
+
+def check_air(folder: Path) -> None:
+    """Rings, tubes and turbulence are where their objects are, with their axes and sizes."""
+    scene = empty(folder)
+    scene.unit_settings.scale_length = 0.5
+    turn = Euler((0.3, 0.5, 0.2))
+    ring, tube, gusts = (add(kind, rotation_euler=turn, location=(1.0, 2.0, 3.0)) for kind in ("ring", "tube", "turbulence"))
+    gusts.rotation_euler = (0.0, 0.0, 0.0)
+    ring.scale, ring.meniscus.ring.circulation = (2.0, 2.0, 2.0), 3.0
+    tube.meniscus.tube.density = 0.0
+    gusts.meniscus.turbulence.scale = 1.5
+    data, _ = write(scene, "rings, tubes and turbulence")
+    axis = np.array(turn.to_matrix())[:, 2]
+    found = data["smoke"]["ring"][0]
+    check(np.allclose(found["direction"], axis, atol=1e-5) and np.allclose(found["center"], (0.5, 1.0, 1.5)), "a ring has its object's place and axis", found)
+    check(abs(found["radius"] - 0.8) < 1e-6 and found["circulation"] == 3, "a ring has its object's size", found)
+    found = data["smoke"]["tube"][0]
+    ends = np.array([found["from"], found["to"]])
+    check(np.allclose(ends[0], (0.5, 1.0, 1.5)) and np.allclose(ends[1] - ends[0], axis, atol=1e-5), "a tube has its object's ends", found)
+    check(found["density"] == 0, "a tube has its settings", found)
+    found = data["smoke"]["turbulence"]
+    check(np.allclose(found["shape"]["box"]["max"], (1.0, 1.5, 2.5)) and found["scale"] == 0.75, "turbulence has its object's box, in metres", found)
+    add("turbulence")
+    refused("two objects with turbulence", "Turbulence.001", "second turbulence")
+
+
+def check_sheets(folder: Path) -> None:
+    """Joints hold the nearest points of two sheets together; regions are other material in a volume."""
+    scene = empty(folder)
+    one, other = add("cloth"), add("cloth", location=(1.0, 0.0, 0.8))
+    side = np.arange(41) * 41
+    # The points of the other are numbered in another order.
+    one.vertex_groups.new(name="Right").add([int(index) for index in side + 40], 1.0, "REPLACE")
+    other.vertex_groups.new(name="Left").add([int(index) for index in side], 1.0, "REPLACE")
+    other.scale.y = -1.0
+    role = one.meniscus
+    role.joint_to, role.joint_points, role.joint_other_points = other, "Right", "Left"
+    region = add("collider", location=(0.0, 0.0, 0.8))
+    region.name, region.meniscus.role = "Hem", "REGION"
+    region.meniscus.region.stiffness, region.meniscus.region_of = 10.0, other
+    data, _ = write(scene, "joints and regions")
+    joint = data["sheets"]["joint"][0]
+    check(joint["sheets"] == ["Cloth", "Cloth_001"] and "stiffness" not in joint, "a joint names its sheets, and is exact", joint)
+    ends = [world_points(made, 1)[part["points"]] for made, part in zip((one, other), joint["at"])]
+    check(len(ends[0]) == 41 and np.abs(ends[0] - ends[1]).max() < 1e-6, "each point is joined to the one at its place")
+    found = {sheet["name"]: sheet.get("region", []) for sheet in data["sheet"]}
+    check(not found["Cloth"] and found["Cloth_001"][0]["stiffness"] == 10 and region.display_type == "WIRE", "a region is of the cloth that it names", found)
+    region.meniscus.region_of, region.rotation_euler.z = None, 0.4
+    other.location.x = 1.1
+    refused("an exact joint of points that are apart", "Cloth", "0.1 m apart", "Stiffness")
+    role.joint.use_stiffness, role.joint.stiffness, role.joint.use_release, role.joint.release = True, 50.0, True, 3
+    data, _ = write(scene, "a joint of springs, and a region of all sheets")
+    joint = data["sheets"]["joint"][0]
+    check(joint["stiffness"] == 50 and joint["release"] == 3, "a joint has its settings", joint)
+    check(all(len(sheet["region"]) == 1 for sheet in data["sheet"]), "a region without a cloth is of all", data["sheet"])
+    other.meniscus.role = "NONE"
+    _, notes = write(scene, "without the other cloth")
+    noted(notes, "Cloth", "joint is left out")
 
 
 def check_schema() -> None:
@@ -387,9 +482,12 @@ def stage_presets(folder: Path) -> None:
     check_names(folder / "names")
     check_left_out(folder / "left out")
     check_motion(folder / "motion")
+    check_turns(folder / "turns")
     check_deforming(folder / "deforming")
     check_settings(folder / "settings")
     check_kinds(folder / "kinds")
+    check_air(folder / "air")
+    check_sheets(folder / "sheets")
     check_schema()
     check_folder(folder / "folder")
     check_refused(folder / "refused")

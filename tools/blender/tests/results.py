@@ -16,7 +16,7 @@ import harness
 import ply
 from harness import check
 from presets import add
-from scenes import empty, scene_module, wait, water
+from scenes import empty, scene_module, sequence_input, wait, water
 
 UNIT = 0.5
 
@@ -123,6 +123,106 @@ def stage_cloth(folder: Path) -> None:
     volume = result(scene, "volume:smoke")
     check(volume is not None and volume.type == "VOLUME" and volume.data.is_sequence, "smoke is a sequence of volumes")
     check(cloth.meniscus.role == "CLOTH" and cloth.hide_render, "the cloth itself is put aside")
+    check_renamed(folder)
+
+
+def check_renamed(folder: Path) -> None:
+    """Renaming an object between the preset and its result, or between two presets, loses no look and no result."""
+    cloth = bpy.data.objects["Cloth"]
+    cloth.name = "Sail"
+    copy = cloth.copy()
+    copy.data = cloth.data.copy()
+    copy.data.materials[0] = bpy.data.materials.new("Paper")
+    copy.name, copy.location.x = "Cloth", 4.0
+    bpy.context.collection.objects.link(copy)
+    for name in ("in this session", "after the file was saved and opened"):
+        bpy.data.objects.remove(result(bpy.context.scene, "sheet:Cloth"))
+        bpy.ops.meniscus.show()
+        shown = result(bpy.context.scene, "sheet:Cloth")
+        materials = [each.name for each in shown.data.materials]
+        check(materials == ["Silk"] and "Cut" in shown.data.uv_layers, f"a result finds its renamed object {name}, not a copy with its name", materials)
+        check(abs(evaluated_points(shown, 1)[:, 0].mean() - 0.3) < 1e-4, f"it is at its place {name}")
+        bpy.ops.wm.save_mainfile()
+        bpy.ops.wm.open_mainfile(filepath=str(folder / "scene.blend"))
+    scene = bpy.context.scene
+    bpy.data.objects.remove(bpy.data.objects["Cloth"])
+    for each in [each for each in scene.objects if each.meniscus.role == "SMOKE"]:
+        each.meniscus.role = "NONE"
+    shown = result(scene, "sheet:Cloth")
+    shown.name = "My Sail"
+    shown.data.materials[0] = bpy.data.materials.new("Gold")
+    bpy.ops.meniscus.start_over(wait=True)
+    again = result(scene, "sheet:Sail")
+    check(again == shown and again.data.materials[0].name == "Gold", "the result of a renamed object stays the same object", again and again.name)
+    check(result(scene, "sheet:Cloth") is None, "it has no second result")
+
+
+def arrivals(scene: bpy.types.Scene, until) -> list[str]:
+    """Runs the scene's job until enough has arrived, and pauses it; what the panel showed last."""
+    session = scene_module("session")
+    session.ARRIVAL_SECONDS, lines, reached = 0.0, [], []
+    bpy.ops.meniscus.simulate()
+
+    def look(_job) -> bool:
+        lines[:] = [line for line in drawn(scene_module("panels").MENISCUS_PT_sidebar) if line.startswith("Shown")] or lines
+        reached[:] = [until()]
+        return reached[0]
+
+    job, _ = wait(scene, look)
+    check(job.is_running and reached == [True], "all of it arrives while the job runs", (job.code, job.error, list(job.messages)))
+    bpy.ops.meniscus.pause()
+    wait(scene)
+    return lines
+
+
+def stage_arrivals(folder: Path) -> None:
+    """Smoke, cloth, bodies and whitewater are shown while they are simulated, and the panel lists them."""
+    scene = empty(folder / "smoke and cloth")
+    scene.frame_end = 2000
+    cloth = add("cloth")
+    cloth.data.materials.append(bpy.data.materials.new("Silk"))
+    smoke = add("smoke")
+    smoke.location.x = 2.0
+    scene.meniscus.smoke.spacing = 0.1
+    # No frame yet: the last that has arrived is shown.
+    scene.frame_set(1999)
+    seen = []
+
+    def lowered() -> bool:
+        shown, volume = result(scene, "sheet:Cloth"), result(scene, "volume:smoke")
+        if shown is None or volume is None:
+            return False
+        place = shown.evaluated_get(bpy.context.evaluated_depsgraph_get()).data.vertices[820].co.z
+        seen.append((volume.data.frame_duration, -place))
+        return seen[-1][0] > seen[0][0] and seen[-1][1] > seen[0][1] + 1e-4
+
+    lines = arrivals(scene, lowered)
+    check(len(seen) > 1 and all(one[0] <= other[0] and one[1] <= other[1] + 1e-6 for one, other in zip(seen, seen[1:])), "the smoke grows and the cloth falls as frames arrive", seen[-3:])
+    shown = result(scene, "sheet:Cloth")
+    check(shown.data.materials[0].name == "Silk" and cloth.hide_get() and scene.frame_current == 1999, "cloth arrives as the artist's own mesh", scene.frame_current)
+    check(any("Smoke" in line and "Cloth" in line for line in lines), "the panel lists smoke and cloth", lines)
+    check_bodies_arrive(folder / "bodies and whitewater")
+
+
+def check_bodies_arrive(folder: Path) -> None:
+    scene = empty(folder)
+    for kind in ("tank", "pool", "body"):
+        add(kind)
+    scene.meniscus.liquid.spacing, scene.frame_end, scene.meniscus.use_whitewater = 0.03, 2000, True
+    seen = []
+
+    def fallen() -> bool:
+        body, foam = result(scene, "body:Body"), result(scene, "points:whitewater")
+        if body is None or foam is None or body.animation_data is None or body.animation_data.action is None:
+            return False
+        seen.append((body.animation_data.action.frame_range[1], sequence_input(foam, "Last")))
+        return seen[-1][0] > seen[0][0]
+
+    lines = arrivals(scene, fallen)
+    check(len(seen) > 1 and len(bpy.data.actions) == 1, "a body has more keyframes at each look, and one action", (seen[-2:], len(bpy.data.actions)))
+    text = lines[-1] if lines else ""
+    check(all(name in text for name in ("Surface", "Body", "Whitewater")), "the panel lists surface, bodies and whitewater", lines)
+    check(len([each for each in scene.objects if each.get("meniscus_output")]) == 3, "each has one object", [each.name for each in scene.objects])
 
 
 class Recorder:
@@ -189,7 +289,7 @@ def stage_panels(folder: Path) -> None:
     """Every panel and menu draws, for every role and kind of force."""
     scene = empty(folder)
     panels, add_module = scene_module("panels"), scene_module("add")
-    check(len(drawn(add_module.MENISCUS_MT_add)) == 13, "the menu draws its thirteen entries")
+    check(len(drawn(add_module.MENISCUS_MT_add)) == 16, "the menu draws its sixteen entries")
     for kind in add_module.KINDS:
         add(kind)
         found = drawn(panels.MENISCUS_PT_object)
@@ -199,6 +299,10 @@ def stage_panels(folder: Path) -> None:
         bpy.context.view_layer.objects.active = force
         force.meniscus.kind = name
         check("factor" in drawn(panels.MENISCUS_PT_object), f"the panel of the force {name} draws")
+    cloth = bpy.data.objects["Cloth"]
+    cloth.meniscus.joint_to = bpy.context.view_layer.objects.active = cloth
+    found = drawn(panels.MENISCUS_PT_object)
+    check({"joint_points", "joint_other_points", "stiffness", "release"} <= set(found), "the panel of cloth has its joint", found)
     settings = [panel for panel in panels.CLASSES if isinstance(panel, type) and issubclass(panel, bpy.types.Panel)]
     for panel in settings:
         if panel is not panels.MENISCUS_PT_object:
@@ -206,7 +310,7 @@ def stage_panels(folder: Path) -> None:
     found = drawn(panels.MENISCUS_PT_scene)
     check("meniscus.simulate" in found and "meniscus.pause" not in found, "without a job there is Simulate", found)
     scene.meniscus.liquid.spacing = 0.2
-    for name in ("Body", "Cloth", "Smoke", "Force", "Tap", "Glass"):
+    for name in ("Body", "Cloth", "Smoke", "Smoke Ring", "Vortex Tube", "Turbulence", "Force", "Tap", "Glass"):
         bpy.data.objects.remove(bpy.data.objects[name])
     scene.frame_end = 40
     bpy.ops.meniscus.simulate()
@@ -222,6 +326,25 @@ def stage_panels(folder: Path) -> None:
     names = [slot.material.name for slot in glass.material_slots if slot.material]
     check(names == ["Glass"], "a collider of glass without a material gets the material Glass", names)
     check(bool(session.status(job)), "the job has a status")
+    check_colours(folder / "colours")
+
+
+def check_colours(folder: Path) -> None:
+    """With *Colours by Source* surfaces have the number of their source while they arrive, at the end, and meshed again."""
+    scene = empty(folder)
+    for kind in ("tank", "pool", "drop"):
+        add(kind)
+    scene.meniscus.liquid.spacing, scene.frame_end, scene.meniscus.use_colours = 0.08, 200, True
+    arrivals(scene, lambda: water(scene) is not None)
+    names = [each.name for each in water(scene).data.materials]
+    check(sequence_input(water(scene), "Colours") and names == ["Liquids"], "surfaces that arrive have colours", names)
+    scene.frame_end = 3
+    bpy.ops.meniscus.start_over(wait=True)
+    for name in ("at the end", "meshed again"):
+        mesh = water(scene).evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+        check(sequence_input(water(scene), "Colours") and "colour" in mesh.attributes, f"surfaces have colours {name}", list(mesh.attributes.keys()))
+        scene.meniscus.surface.voxel = 0.8
+        bpy.ops.meniscus.mesh(wait=True)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from bpy.props import EnumProperty
 from mathutils import Matrix, Vector
 
 from .. import colliders
+from . import roles, startup
 
 Faces = tuple[list[tuple[float, float, float]], list[tuple[int, ...]]]
 # Spacings [m] for scenes of metres and of a table.
@@ -90,6 +91,8 @@ class Kind:
     # Axis and angle of a turn.
     turn: tuple[str, float] = ("Z", 0.0)
     sets_spacing: bool = True
+    # Of smoke: rings and tubes have cores of twice as much or more at draft.
+    smoke_spacing: float = 0.05
 
 
 DOWN = ("X", pi)
@@ -118,6 +121,15 @@ KINDS = {
     ),
     "force": Kind("Force", "Accelerates liquid and cloth", "FORCE_FORCE", "FORCE", "EVERYWHERE", None, sets_spacing=False),
     "smoke": Kind("Smoke", "A source of smoke", "VOLUME_DATA", "SMOKE", "SPHERE", lambda: sphere(0.15), place=(0, 0, 0.15)),
+    "ring": Kind("Smoke Ring", "A ring of smoke that flies up", "MESH_TORUS", "RING", "DISC", lambda: disc(0.4), place=(0, 0, 0.3), smoke_spacing=0.03),
+    "tube": Kind(
+        "Vortex Tube", "Air that swirls around an axis", "MESH_CYLINDER", "TUBE", "BOX",
+        lambda: turned([(0, 0), (0.1, 0), (0.1, 1), (0, 1)]), smoke_spacing=0.03,
+    ),
+    "turbulence": Kind(
+        "Turbulence", "Random swirls in the air of smoke", "FORCE_TURBULENCE", "TURBULENCE", "BOX",
+        lambda: box((-0.5, -0.5, 0), (0.5, 0.5, 1)),
+    ),
     "cloth": Kind("Cloth", "A square of cloth", "MOD_CLOTH", "CLOTH", "MESH", lambda: grid(1.0, 40), place=(0, 0, 0.8)),
 }
 
@@ -146,10 +158,11 @@ def add(context: bpy.types.Context, name: str) -> bpy.types.Object:
     shot = context.scene.meniscus
     if kind.sets_spacing and not shot.liquid.is_property_set("spacing"):
         shot.liquid.spacing = kind.spacing / scale
-        shot.smoke.spacing = 0.05 / scale
         if kind.spacing == FINE:
             shot.liquid.max_substeps, shot.liquid.use_surface_tension = 200, True
             shot.liquid.surface_tension.contact_angle = 40.0 * pi / 180.0
+    if kind.role in roles.OF_SMOKE and not shot.smoke.is_property_set("spacing"):
+        shot.smoke.spacing = kind.smoke_spacing / scale
     finish(context, made, name, scale)
     for each in context.selected_objects:
         each.select_set(False)
@@ -163,6 +176,14 @@ def finish(context: bpy.types.Context, made: bpy.types.Object, name: str, scale:
     role = made.meniscus
     if name == "tank":
         made.display_type, made.hide_render = "WIRE", True
+    elif name == "inflow":
+        # Litres a second: 1 m/s through its disc.
+        role.emitter.rate = 20.0
+    elif name == "smoke":
+        # Without heat and velocity it would stay where it is.
+        role.smoke.temperature, role.smoke.use_velocity, role.smoke.velocity = 180.0, True, (0.0, 0.0, 0.4 / scale)
+        if not context.scene.meniscus.smoke.is_property_set("use_buoyancy"):
+            context.scene.meniscus.smoke.use_buoyancy = True
     elif name == "tap":
         role.emitter.rate = 0.08
         shown = bpy.data.objects.new("Pipe", new_mesh("Pipe", pipe(), scale, True))
@@ -196,7 +217,8 @@ class MENISCUS_OT_add(bpy.types.Operator):
         return KINDS[properties.kind].text
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        add(context, self.kind)
+        for note in startup.tidy(context, add(context, self.kind)):
+            self.report({"INFO"}, note)
         return {"FINISHED"}
 
 

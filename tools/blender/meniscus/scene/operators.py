@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""The buttons: each writes what it needs, starts a job of the engine, and returns at once."""
+"""The buttons: each writes what it needs and starts a job of the engine. In a window, none blocks Blender."""
 
 import time
 from pathlib import Path
@@ -8,8 +8,9 @@ import bpy
 from bpy.props import BoolProperty
 
 from ..messages import ShotError, printable
-from . import engine, preset, run, session, settings
+from . import engine, places, preset, run, session, settings
 from .names import QUALITIES
+from .sampling import PresetOperator, Sampling, has_window
 from .toml import inline
 
 WAIT_SECONDS = 0.05
@@ -30,6 +31,9 @@ class JobOperator:
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         job = session.job_of(context.scene)
+        if Sampling.current is not None:
+            cls.poll_message_set("Frames are being sampled. Esc cancels")
+            return False
         if job is not None and job.is_running:
             cls.poll_message_set("A job is running in this folder")
             return False
@@ -38,33 +42,28 @@ class JobOperator:
             return False
         return True
 
-    def begin(self, context: bpy.types.Context, action: str, changes: tuple[str, ...] = (), writes: bool = True) -> set[str]:
-        """Writes the preset if the action needs it, and starts the engine."""
-        scene, shot = context.scene, context.scene.meniscus
+    def begin(self, context: bpy.types.Context, action: str, changes: tuple[str, ...] = ()) -> set[str]:
+        """Starts an action that uses the preset as it was written last."""
         try:
-            program, source = engine.find()
-            root = preset.folder_of(scene)
-            path = root / preset.assets.PRESET
+            root = places.folder_of(context.scene)
             check_free(root)
-            follows, tier = action in session.RUNS, shot.quality
-            frames = [scene.frame_start, scene.frame_end, scene.frame_step]
-            if writes:
-                written = preset.write(context)
-                for note in written.notes:
-                    self.report({"WARNING"}, note)
-                for name in written.removed:
-                    self.report({"INFO"}, f"Removed {name} of an earlier preset")
-                follows = follows and written.has_surface
-            elif action == "resume":
-                earlier = session.job_of(scene)
-                follows = follows and earlier is not None and any("follow" in step for step in earlier.description.get("steps", []))
-                # The preset as it was written last has the frames of that job, not those that the scene has now.
-                frames = earlier.description.get("frames", frames) if earlier is not None else frames
-            steps = run.steps_of(action, tier, path, list(changes), shot.threads, follows)
-            job = run.start(root, program, action, tier, steps, frames, preset.blend_from(root), scene.name)
+            earlier, frames, products = session.job_of(context.scene), scene_frames(context.scene), set()
+            if action == "resume" and earlier is not None:
+                # The preset has the frames of that job, not those that the scene has now.
+                frames, products = earlier.description.get("frames", frames), earlier.products()
+            return self.start(context, action, frames, changes, products)
         except ShotError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
+
+    def start(self, context: bpy.types.Context, action: str, frames: list[int], changes: tuple[str, ...], products: set[str]) -> set[str]:
+        """Starts the engine in the scene's folder. Raises ShotError."""
+        scene, shot = context.scene, context.scene.meniscus
+        program, source = engine.find()
+        root, tier = places.folder_of(scene), shot.quality
+        path = root / preset.assets.PRESET
+        steps = run.steps_of(action, tier, path, list(changes), shot.threads, products)
+        job = run.start(root, program, action, tier, steps, frames, places.blend_from(root), scene.name)
         self.report({"INFO"}, f"Started {action.replace('_', ' ')} of {path.name} at {tier} with the engine of {source}")
         session.begin(scene, job)
         if self.wait:
@@ -81,27 +80,61 @@ class JobOperator:
             self.report({"ERROR"}, f"{session.status(job)}. {job.error}")
 
 
-class MENISCUS_OT_simulate(JobOperator, bpy.types.Operator):
-    """Write the preset, simulate it, and show surfaces as frames arrive. Frames of an equal simulation are kept"""
+def scene_frames(scene: bpy.types.Scene) -> list[int]:
+    return [scene.frame_start, scene.frame_end, scene.frame_step]
+
+
+class WritingJobOperator(PresetOperator, JobOperator):
+    """A job of a preset that is written before."""
+
+    action = ""
+
+    def prepare(self, context: bpy.types.Context) -> None:
+        engine.find()
+        check_free(places.folder_of(context.scene))
+
+    def finish(self, context: bpy.types.Context, written: preset.Written) -> set[str]:
+        for note in written.notes:
+            self.report({"WARNING"}, note)
+        for name in written.removed:
+            self.report({"INFO"}, f"Removed {name} of an earlier preset")
+        products = written.products if self.action in session.RUNS else set()
+        return self.start(context, self.action, scene_frames(context.scene), (), products)
+
+
+class MENISCUS_OT_simulate(WritingJobOperator, bpy.types.Operator):
+    """Write the preset, simulate it, and show results as frames arrive. Frames of an equal simulation are kept"""
 
     bl_idname = "meniscus.simulate"
     bl_label = "Simulate"
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        return self.begin(context, "simulate")
+    replaces: BoolProperty(name="Start Over", description="Delete the frames of this quality", options={"HIDDEN", "SKIP_SAVE"})
+
+    @property
+    def action(self) -> str:
+        return "start_over" if self.replaces else "simulate"
 
 
-class MENISCUS_OT_start_over(JobOperator, bpy.types.Operator):
+class MENISCUS_OT_start_over(WritingJobOperator, bpy.types.Operator):
     """Delete the frames of this quality and simulate again"""
 
     bl_idname = "meniscus.start_over"
     bl_label = "Start Over"
+    action = "start_over"
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         return context.window_manager.invoke_confirm(self, event)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        return self.begin(context, "start_over")
+        if self.wait or not has_window(context):
+            return super().execute(context)
+        # A confirmed operator is executed, and only an invoked one can be modal.
+        try:
+            bpy.ops.meniscus.simulate("INVOKE_DEFAULT", replaces=True)
+        except RuntimeError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
 
 
 class MENISCUS_OT_resume(JobOperator, bpy.types.Operator):
@@ -122,17 +155,15 @@ class MENISCUS_OT_resume(JobOperator, bpy.types.Operator):
         job = session.job_of(context.scene)
         if job is not None and job.tier in QUALITIES:
             context.scene.meniscus.quality = job.tier
-        return self.begin(context, "resume", writes=False)
+        return self.begin(context, "resume")
 
 
-class MENISCUS_OT_plan(JobOperator, bpy.types.Operator):
+class MENISCUS_OT_plan(WritingJobOperator, bpy.types.Operator):
     """Write the preset and estimate particles, memory, disk and time"""
 
     bl_idname = "meniscus.plan"
     bl_label = "Plan"
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        return self.begin(context, "plan")
+    action = "plan"
 
 
 class MENISCUS_OT_mesh(JobOperator, bpy.types.Operator):
@@ -142,9 +173,7 @@ class MENISCUS_OT_mesh(JobOperator, bpy.types.Operator):
     bl_label = "Mesh Again"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        scene = context.scene
-        table = settings.values(scene.meniscus.surface, "SurfaceParams", scene.unit_settings.scale_length)
-        return self.begin(context, "mesh", (f"surface={inline(table)}",), writes=False)
+        return self.begin(context, "mesh", (f"surface={inline(preset.surface_values(context.scene))}",))
 
 
 class MENISCUS_OT_whitewater(JobOperator, bpy.types.Operator):
@@ -156,26 +185,24 @@ class MENISCUS_OT_whitewater(JobOperator, bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         scene = context.scene
         table = settings.values(scene.meniscus.whitewater, "WhitewaterParams", scene.unit_settings.scale_length)
-        return self.begin(context, "whitewater", (f"whitewater={inline(table)}",), writes=False)
+        return self.begin(context, "whitewater", (f"whitewater={inline(table)}",))
 
 
-class MENISCUS_OT_write(bpy.types.Operator):
+class MENISCUS_OT_write(PresetOperator, bpy.types.Operator):
     """Write the preset and its meshes, to run it elsewhere"""
 
     bl_idname = "meniscus.write"
     bl_label = "Write Preset"
+    takes_over = True
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return JobOperator.poll.__func__(cls, context)
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        try:
-            check_free(preset.folder_of(context.scene))
-            written = preset.write(context, takes_over=True)
-        except ShotError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+    def prepare(self, context: bpy.types.Context) -> None:
+        check_free(places.folder_of(context.scene))
+
+    def finish(self, context: bpy.types.Context, written: preset.Written) -> set[str]:
         for note in written.notes:
             self.report({"WARNING"}, note)
         self.report({"INFO"}, f"Wrote {written.path}")
@@ -212,7 +239,7 @@ class MENISCUS_OT_show(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         scene = context.scene
         try:
-            folder = preset.folder_of(scene) / scene.meniscus.quality
+            folder = places.folder_of(scene) / scene.meniscus.quality
             for note in session.show.show_all(context, scene, folder):
                 self.report({"WARNING"}, note)
         except ShotError as error:

@@ -4,7 +4,7 @@
 import bpy
 
 from .. import reload
-from . import operators, roles, schema, session, settings
+from . import operators, roles, sampling, schema, session, settings
 
 SHOWN_MESSAGES = 4
 
@@ -41,6 +41,8 @@ class MENISCUS_PT_object(bpy.types.Panel):
             settings.draw(layout, getattr(role, f"kind_{role.kind}"), role.kind, kind.keys)
         if role.role == "CLOTH":
             self.draw_cloth(context, layout, role)
+        if role.role == "REGION":
+            layout.prop(role, "region_of")
         if role.role in roles.DEFINITIONS:
             definition, attribute = roles.DEFINITIONS[role.role]
             settings.draw(layout, getattr(role, attribute), definition)
@@ -49,12 +51,18 @@ class MENISCUS_PT_object(bpy.types.Panel):
         layout.prop_search(role, "pins", context.object, "vertex_groups")
         if role.pins:
             layout.prop(role, "pin_stiffness")
+            settings.draw(layout, role.pin, "Pin")
         layout.prop(role, "use_liquid")
         if role.use_liquid:
             layout.prop(role, "liquid_friction")
         layout.prop(role, "use_air")
         if role.use_air:
             settings.draw(layout, role.drag, "Drag")
+        layout.prop(role, "joint_to")
+        if role.joint_to is not None:
+            layout.prop_search(role, "joint_points", context.object, "vertex_groups")
+            layout.prop_search(role, "joint_other_points", role.joint_to, "vertex_groups")
+            settings.draw(layout, role.joint, "Joint")
 
 
 class ShotPanel:
@@ -78,7 +86,10 @@ class ShotPanel:
             row.operator("meniscus.simulate", icon="PLAY")
             if job is not None and job.action in session.RUNS and job.code != 0:
                 row.operator("meniscus.resume", icon="FRAME_NEXT")
-        if job is not None:
+        sampled = sampling.text_of(scene)
+        if sampled is not None:
+            layout.progress(factor=sampling.Sampling.current.part, type="BAR", text=sampled)
+        elif job is not None:
             self.draw_job(layout, job)
         for line in session.plan_of(scene):
             layout.label(text=line)
@@ -96,6 +107,9 @@ class ShotPanel:
         else:
             layout.label(text=session.status(job), icon="ERROR" if job.error else "CHECKMARK" if job.code == 0 else "PAUSE")
         column = layout.column(align=True)
+        shown = session.shown_of(job)
+        if shown:
+            column.label(text=shown, icon="HIDE_OFF")
         for text in ([job.error] if job.error else []) + list(job.messages)[-SHOWN_MESSAGES:]:
             column.label(text=text)
 
@@ -167,12 +181,21 @@ class MENISCUS_PT_whitewater(SettingsPanel):
         self.layout.prop(context.scene.meniscus, "use_whitewater", text="")
 
 
+class MENISCUS_PT_surface(SettingsPanel):
+    bl_label = "Surface"
+    definition, attribute = "SurfaceParams", "surface"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        self.layout.use_property_split = True
+        self.layout.prop(context.scene.meniscus, "use_colours")
+        SettingsPanel.draw(self, context)
+
+
 def settings_panel(label: str, definition: str, attribute: str) -> type:
     return type(f"MENISCUS_PT_{attribute}", (SettingsPanel,), {"bl_label": label, "definition": definition, "attribute": attribute})
 
 
-PARTS = [("Liquid", "LiquidParams", "liquid"), ("Surface", "SurfaceParams", "surface"), ("Smoke", "SmokeParams", "smoke")]
-PARTS += [("Cloth", "SheetsCommon", "sheets"), ("Volumes", "VolumeParams", "volume")]
+PARTS = [("Smoke", "SmokeParams", "smoke"), ("Cloth", "SheetsCommon", "sheets"), ("Volumes", "VolumeParams", "volume")]
 CLASSES = [
     *operators.CLASSES,
     MENISCUS_PT_object,
@@ -180,6 +203,8 @@ CLASSES = [
     MENISCUS_PT_sidebar,
     MENISCUS_PT_imported,
     MENISCUS_PT_quality,
+    settings_panel("Liquid", "LiquidParams", "liquid"),
+    MENISCUS_PT_surface,
     *(settings_panel(*part) for part in PARTS),
     MENISCUS_PT_whitewater,
 ]

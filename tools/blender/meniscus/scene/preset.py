@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """Writes the preset of a scene: roles, settings, camera, frames and gravity as TOML, meshes as files next to it."""
 
-import os
+from collections.abc import Generator
 from dataclasses import dataclass
 from math import hypot
 from pathlib import Path
@@ -10,16 +10,21 @@ import bpy
 import numpy as np
 
 from ..messages import ShotError, printable
-from . import assets, poses, sample, schema, settings, toml
+from . import assets, identity, joints, poses, sample, schema, settings, toml, vortices
 from .names import QUALITIES, Names
+from .places import blend_from, check_owner, folder_of
+from .roles import OF_SMOKE
+from .run import BODIES, SHEETS, SURFACES, VOLUMES, WHITEWATER
 from .sample import Sampled
 from .shapes import Placed, Shaper
 from .toml import Document, Table
 
 EARTH = 9.81
-# Smoke's own volumes need no finer grid, and no terms of a liquid's surface.
 # Keys of forces that are vectors in the object's axes.
 FORCE_VECTORS = {"acceleration", "velocity"}
+# Of surfaces with colours by source: without the key they have velocities alone.
+COLOURED = {"attributes": ["velocity", "source"]}
+# Smoke's own volumes need no finer grid, and no terms of a liquid's surface.
 SMOKE_SURFACE = {"voxel": 1.0, "kernel_radius": 3.0}
 
 
@@ -30,24 +35,22 @@ class Written:
     path: Path
     notes: list[str]
     removed: list[str]
-    has_surface: bool
-
-
-def folder_of(scene: bpy.types.Scene) -> Path:
-    """The folder that the scene names, absolute. Raises ShotError."""
-    text = scene.meniscus.folder
-    if not text.strip():
-        raise ShotError("No folder is chosen. Set Folder in Properties > Scene > Meniscus")
-    if text.startswith("//") and not bpy.data.filepath:
-        raise ShotError("The .blend is not saved, so no folder can be relative to it. Save it first, or choose an absolute folder")
-    path = Path(bpy.path.abspath(text))
-    if not path.is_absolute():
-        raise ShotError(f"{printable(text)}: not an absolute folder. Start it with //, for one next to the .blend")
-    return path
+    # Names of run.py for what can be shown while it is simulated.
+    products: set[str]
 
 
 def write(context: bpy.types.Context, takes_over: bool = False) -> Written:
     """Writes preset and assets of the scene into its folder; `takes_over` one of another .blend. Raises ShotError."""
+    steps = writing(context, takes_over)
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            return end.value
+
+
+def writing(context: bpy.types.Context, takes_over: bool = False) -> Generator[float, None, Written]:
+    """The same in steps of one frame, each of which yields the sampled part; nothing is written before the last. Closing it restores the scene."""
     notes: list[str] = []
     frames = sample.frame_numbers(context.scene)
     sources = sample.takes_part(context, notes)
@@ -58,50 +61,14 @@ def write(context: bpy.types.Context, takes_over: bool = False) -> Written:
     scale = context.scene.unit_settings.scale_length
     camera = context.scene.camera
     with sample.quiet(context, sources):
-        sampled = sample.sample(context, sources + ([camera] if camera else []), frames, scale, notes)
+        sampled = yield from sample.sample(context, sources + ([camera] if camera else []), frames, scale, notes)
         camera_samples = sampled.pop() if camera else None
         writer = Writer(context.scene, sampled, camera_samples, scale, folder, notes)
         text = writer.text()
-    objects = {each.asset: {"object": each.source.name, "start": each.matrices[0].ravel().tolist()} for each in sampled}
-    path, removed = folder.finish(text, {"blend": blend_from(root), "scene": context.scene.name, "objects": objects})
-    return Written(path, notes, removed, writer.has_liquid)
-
-
-def blend_from(root: Path) -> str:
-    """The path of the .blend relative to a folder, so that both can be moved; empty if it is not saved."""
-    path = bpy.data.filepath
-    if not path:
-        return ""
-    try:
-        return os.path.relpath(os.path.realpath(path), os.path.realpath(root))
-    except ValueError:
-        # Another drive.
-        return os.path.realpath(path)
-
-
-def is_same(root: Path, blend: str) -> bool:
-    """Whether a path that `blend_from` made is that of this file."""
-    return os.path.normcase(blend) == os.path.normcase(blend_from(root))
-
-
-def check_owner(scene: bpy.types.Scene, root: Path, takes_over: bool) -> None:
-    """Raises ShotError if a folder is that of another scene, or of another .blend that still exists."""
-    place = os.path.normcase(os.path.realpath(root))
-    for each in bpy.data.scenes:
-        if each == scene or all(one.meniscus.role == "NONE" for one in each.objects):
-            continue
-        try:
-            is_shared = os.path.normcase(os.path.realpath(folder_of(each))) == place
-        except ShotError:
-            is_shared = False
-        if is_shared:
-            text = f"is also the folder of the scene {printable(each.name)}. Choose another in Properties > Scene > Meniscus"
-            raise ShotError(f"{printable(root)}: {text}")
-    blend = assets.read_objects(root).get("blend")
-    is_other = isinstance(blend, str) and bool(blend) and bool(bpy.data.filepath) and not is_same(root, blend)
-    if is_other and not takes_over and os.path.isfile(os.path.join(os.path.realpath(root), blend)):
-        text = f"is the folder of {printable(os.path.basename(blend))}. Choose another, or take it over with Write Preset"
-        raise ShotError(f"{printable(root)}: {text}")
+    identity.mark(sampled, identity.Sources(root))
+    owner = {"blend": blend_from(root), "scene": context.scene.name, "session": identity.session}
+    path, removed = folder.finish(text, owner | {"objects": identity.entries(sampled)})
+    return Written(path, notes, removed, writer.products())
 
 
 class Writer:
@@ -115,19 +82,22 @@ class Writer:
         self.shaper = Shaper(folder, notes)
         self.folder = folder
         self.document = Document()
+        # Shapes that several tables have.
+        self.placed: dict[str, Placed] = {}
         self.roles: dict[str, list[Sampled]] = {}
         names = Names()
         for each in sampled:
             self.roles.setdefault(each.role.role, []).append(each)
             each.asset = names.unique(each.source.name)
         self.has_liquid = bool(self.roles.get("FLUID") or self.roles.get("INFLOW"))
-        self.has_smoke, self.has_cloth, self.has_bodies = ("SMOKE" in self.roles, "CLOTH" in self.roles, "BODY" in self.roles)
+        self.has_smoke, self.has_cloth, self.has_bodies = bool(OF_SMOKE & self.roles.keys()), "CLOTH" in self.roles, "BODY" in self.roles
 
     def text(self) -> str:
         if not (self.has_liquid or self.has_smoke or self.has_cloth or self.has_bodies):
             raise ShotError("The scene has nothing to simulate. Add a pool, an inflow, smoke, cloth or a body: Add > Meniscus")
         self.head()
         self.world()
+        self.falling()
         self.liquid()
         self.smoke()
         self.cloth()
@@ -138,6 +108,12 @@ class Writer:
         self.output()
         self.tiers()
         return self.document.text()
+
+    def products(self) -> set[str]:
+        """What the preset has that can be shown while it is simulated."""
+        has_whitewater = self.has_liquid and self.shot.use_whitewater
+        has = [(SURFACES, self.has_liquid), (VOLUMES, self.has_smoke), (SHEETS, self.has_cloth), (BODIES, self.has_bodies), (WHITEWATER, has_whitewater)]
+        return {name for name, is_there in has if is_there}
 
     def of(self, role: str) -> list[Sampled]:
         return self.roles.get(role, [])
@@ -180,6 +156,14 @@ class Writer:
                 self.shaper.note(each, "a collider is always on; its keyframes of On are left out")
             self.entry("world.collider", each, placed, found)
 
+    def falling(self) -> None:
+        """Notes that nothing is below what falls: a newcomer's water is gone after a second."""
+        falls = [name for name, has in (("liquid", self.has_liquid), ("bodies", self.has_bodies), ("cloth", self.has_cloth)) if has]
+        is_held = "COLLIDER" in self.roles or (falls == ["cloth"] and all(each.pins for each in self.of("CLOTH")))
+        if falls and not is_held and self.scene.use_gravity:
+            text = "will fall without end. Add a floor, tank or glass: Add > Meniscus"
+            self.notes.append(f"The scene has no collider: {' and '.join(falls)} {text}")
+
     def entry(self, path: str, each: Sampled, placed: Placed, found: dict[str, object]) -> None:
         """One entry of a list of tables, with the object's name as its comment."""
         values = {"shape": placed.shape} | found
@@ -192,7 +176,10 @@ class Writer:
             for each in self.of("OUTFLOW"):
                 self.shaper.note(each, "is left out, since the scene has no liquid")
             return
-        self.document.table("liquid", settings.values(self.shot.liquid, "LiquidParams", self.scale))
+        values = settings.values(self.shot.liquid, "LiquidParams", self.scale)
+        if self.shot.use_colours:
+            values["channels"] = sorted({*values.get("channels", ()), "source"})
+        self.document.table("liquid", values)
         for each in self.of("FLUID"):
             placed = self.shaper.place(each, each.asset)
             self.entry("liquid.source", each, placed, self.values(each, "source", "LiquidSource"))
@@ -253,6 +240,22 @@ class Writer:
             if ranges:
                 found |= ranges[0]
             self.entry("smoke.emitter", each, self.shaper.place(each, each.asset), found)
+        self.vortices()
+
+    def vortices(self) -> None:
+        """What the air does at the start."""
+        for each in self.of("RING"):
+            own = vortices.ring(self.shaper.place(each, each.asset))
+            self.document.table("smoke.ring", own | self.values(each, "ring", "Ring"), note=each.source.name, repeated=True)
+        for each in self.of("TUBE"):
+            self.shaper.motion(each)
+            own = vortices.tube(each, self.shaper.bounds(each))
+            self.document.table("smoke.tube", own | self.values(each, "tube", "Tube"), note=each.source.name, repeated=True)
+        for number, each in enumerate(self.of("TURBULENCE")):
+            if number > 0:
+                raise ShotError(f"{printable(each.source.name)}: a second turbulence, and smoke has one. Enlarge the other, or use several shots")
+            values = {"shape": self.shaper.place(each, each.asset).shape} | self.values(each, "turbulence", "Turbulence")
+            self.document.table("smoke.turbulence", values, note=each.source.name)
 
     def cloth(self) -> None:
         for each in self.of("CLOTH"):
@@ -266,10 +269,15 @@ class Writer:
             values = {"name": name, "shape": {"mesh": {"file": file}}} | found
             self.document.table("sheet", values, note=each.source.name, repeated=True)
             self.pins(each)
+            self.regions(each)
         if self.has_cloth:
             common = settings.values(self.shot.sheets, "SheetsCommon", self.scale)
             if common:
                 self.document.table("sheets", common)
+            self.joints()
+        else:
+            for each in self.of("REGION"):
+                self.shaper.note(each, "is left out, since the scene has no cloth")
         for each in self.of("CLOTH"):
             role = each.role
             if self.has_liquid and role.use_liquid:
@@ -291,9 +299,35 @@ class Writer:
         values: dict[str, object] = {"at": {"points": each.pins}}
         if each.role.pin_stiffness > 0.0:
             values["stiffness"] = float(each.role.pin_stiffness)
+        values |= settings.values(each.role.pin, "Pin", self.scale)
         if moves:
             values["keyframes"] = poses.keyframes(self.frames, poses.displacements(found))
         self.document.table("sheet.pin", values, repeated=True)
+
+    def regions(self, sheet: Sampled) -> None:
+        """Parts of a sheet with other material: all regions that are not of another cloth."""
+        for each in self.of("REGION"):
+            if each.role.region_of in (None, sheet.source):
+                if each.asset not in self.placed:
+                    self.placed[each.asset] = self.shaper.place(each, each.asset)
+                values = {"shape": self.placed[each.asset].shape} | self.values(each, "region", "Region")
+                self.document.table("sheet.region", values, note=each.source.name, repeated=True)
+
+    def joints(self) -> None:
+        """Points of two sheets that are held together."""
+        sheets = {each.source: each for each in self.of("CLOTH")}
+        for each in self.of("CLOTH"):
+            if each.role.joint_to is None:
+                continue
+            other = sheets.get(each.role.joint_to)
+            if other is None:
+                self.shaper.note(each, "its joint is left out, since the other object takes no part as cloth")
+                continue
+            own, theirs, largest = joints.pairs(each, other)
+            values = settings.values(each.role.joint, "Joint", self.scale)
+            joints.check_exact(each, values, largest)
+            both = {"sheets": [each.asset, other.asset], "at": [{"points": own}, {"points": theirs}]}
+            self.document.table("sheets.joint", both | values, note=f"{each.source.name} to {other.source.name}", repeated=True)
 
     def couple(self, system: str, sheet: str, found: dict[str, object]) -> None:
         self.document.table("coupling", {"between": [system, sheet]} | found, repeated=True)
@@ -345,7 +379,7 @@ class Writer:
 
     def surface(self) -> None:
         if self.has_liquid:
-            self.document.table("surface", settings.values(self.shot.surface, "SurfaceParams", self.scale))
+            self.document.table("surface", surface_values(self.scene))
         elif self.has_smoke:
             self.document.table("surface", SMOKE_SURFACE)
         if self.shot.use_whitewater and self.has_liquid:
@@ -413,6 +447,12 @@ class Writer:
             self.document.blank()
             self.document.lines.append(f"[quality.{tier}]")
             self.document.lines += [f"{key} = {toml.number(value)}" for key, value in values.items()]
+
+
+def surface_values(scene: bpy.types.Scene) -> Table:
+    """The table of the liquid's surface."""
+    values = settings.values(scene.meniscus.surface, "SurfaceParams", scene.unit_settings.scale_length)
+    return Table(COLOURED | values) if scene.meniscus.use_colours else values
 
 
 def clean_vector(vector: np.ndarray) -> list[float]:

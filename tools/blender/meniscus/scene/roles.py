@@ -18,6 +18,10 @@ ROLES = [
     ("CLOTH", "Cloth", "A sheet of cloth or rubber", "MOD_CLOTH", 6),
     ("FORCE", "Force", "Accelerates liquid and cloth", "FORCE_FORCE", 7),
     ("SMOKE", "Smoke Source", "Gives off smoke while the shot runs", "VOLUME_DATA", 8),
+    ("RING", "Smoke Ring", "A ring of smoke when the shot starts, which flies along the object's Z axis", "MESH_TORUS", 9),
+    ("TUBE", "Vortex Tube", "Air that swirls around the object's Z axis when the shot starts", "MESH_CYLINDER", 10),
+    ("TURBULENCE", "Turbulence", "Random swirls of the smoke's air when the shot starts", "FORCE_TURBULENCE", 11),
+    ("REGION", "Cloth Region", "Cloth in the object when the shot starts has other material", "MOD_VERTEX_WEIGHT", 12),
 ]
 # Each role's definition in the schema and the attribute with its settings.
 DEFINITIONS = {
@@ -28,9 +32,15 @@ DEFINITIONS = {
     "CLOTH": ("SheetParams", "cloth"),
     "FORCE": ("ForceParams", "force"),
     "SMOKE": ("Emitter", "smoke"),
+    "RING": ("Ring", "ring"),
+    "TUBE": ("Tube", "tube"),
+    "TURBULENCE": ("Turbulence", "turbulence"),
+    "REGION": ("Region", "region"),
 }
+# Roles that make a scene one with smoke.
+OF_SMOKE = {"SMOKE", "RING", "TUBE", "TURBULENCE"}
 # Roles whose objects only mark a volume: pictures show the liquid, not them.
-VOLUMES = {"FLUID", "INFLOW", "OUTFLOW", "FORCE", "SMOKE"}
+VOLUMES = {"FLUID", "INFLOW", "OUTFLOW", "FORCE", "REGION", *OF_SMOKE}
 SHAPE_ITEMS = {
     "MESH": ("MESH", "Mesh", "The object's surface with its modifiers; its faces enclose a volume", "MESH_DATA", 0),
     "BOX": ("BOX", "Box", "The object's bounding box in its own axes", "MESH_CUBE", 1),
@@ -51,12 +61,14 @@ SHAPES = {
     "CLOTH": ["MESH"],
     "FORCE": ["EVERYWHERE", "MESH", "BOX", "SPHERE"],
     "SMOKE": ["MESH", "BOX", "SPHERE"],
+    "RING": ["DISC"],
+    "TUBE": ["BOX"],
+    "TURBULENCE": ["BOX", "SPHERE"],
+    "REGION": ["BOX", "MESH", "SPHERE"],
 }
-# A property that was never set has the number 0, which is in the list of every role.
 # Blender wants the lists of items to live as long as the property.
 SHAPES_OF_ROLE = {role: [SHAPE_ITEMS[shape] for shape in shapes] for role, shapes in SHAPES.items()}
-SHEETS_SKIPPED = frozenset({"joint"})
-# `turbulence` of smoke and the rings and tubes have shapes of their own, which no object has.
+# Made of objects, as rings, tubes, joints and regions are.
 SMOKE_SKIPPED = frozenset({"turbulence"})
 
 
@@ -68,14 +80,21 @@ def role_changed(data: "ObjectRole", _context: bpy.types.Context) -> None:
     """Gives the role its first shape; volumes become wires that are not rendered, others are shown again."""
     shown = data.id_data
     has_mesh = shown.type != "EMPTY"
-    if data.shape not in SHAPES[data.role] or (data.shape == "MESH" and not has_mesh):
-        data.shape = next((shape for shape in SHAPES[data.role] if has_mesh or shape != "MESH"), "MESH")
+    # Blender warns of a shape that is read and that the new role lacks.
+    shape = data.last_shape or "MESH"
+    if shape not in SHAPES[data.role] or (shape == "MESH" and not has_mesh):
+        shape = next((each for each in SHAPES[data.role] if has_mesh or each != "MESH"), "MESH")
+    data.shape = shape
     is_volume = data.role in VOLUMES
     if is_volume != data.is_marker:
         data.is_marker, shown.hide_render = is_volume, is_volume
         if shown.type != "EMPTY":
             shown.display_type = "WIRE" if is_volume else "TEXTURED"
     look_changed(data)
+
+
+def shape_changed(data: "ObjectRole", _context: bpy.types.Context) -> None:
+    data.last_shape = data.shape
 
 
 def look_changed(data: "ObjectRole") -> None:
@@ -95,6 +114,10 @@ def look(data: "ObjectRole") -> str:
     return group.look if group is not None and group.use_look else "matte"
 
 
+def is_cloth(_data: "ObjectRole", other: bpy.types.Object) -> bool:
+    return other.meniscus.role == "CLOTH"
+
+
 def scene_key(definition: str, name: str) -> str:
     return schema.key(definition, name).text
 
@@ -102,23 +125,28 @@ def scene_key(definition: str, name: str) -> str:
 def make_classes() -> list[type]:
     """The classes of properties, whose tables come from the schema."""
     settings.updates["look"] = lambda group, _context: look_changed(group.id_data.meniscus)
+    return [object_class(), scene_class()]
+
+
+def object_class() -> type:
+    """Properties of an object."""
     groups = {attribute: settings.group(definition) for definition, attribute in DEFINITIONS.values()}
     kinds = schema.choices("ForceKind")
     placed = frozenset({"center", "axis"})
     kind_groups = {kind.name: settings.group(kind.name, kind.keys, placed) for kind in kinds}
     kind_items = [(kind.name, kind.name.title(), kind.text, index) for index, kind in enumerate(kinds)]
-    liquid_group = settings.group("LiquidParams")
-    smoke_group = settings.group("SmokeParams", skip=SMOKE_SKIPPED)
-    sheets_group = settings.group("SheetsCommon", skip=SHEETS_SKIPPED)
-    surface_group, whitewater_group, volume_group = (settings.group(f"{name}Params") for name in ("Surface", "Whitewater", "Volume"))
-    drag_group = settings.group("Drag")
-
+    # Points, motion and stiffness of pins are those of vertex group, object and `pin_stiffness`.
+    pin_group = settings.group("Pin", skip=frozenset({"stiffness", "collider", "place"}))
+    joint_group, drag_group = settings.group("Joint"), settings.group("Drag")
     voxels = schema.key("MeshShape", "resolution")
 
     class ObjectRole(bpy.types.PropertyGroup):
         role: EnumProperty(name="Role", description="What the object does in the simulation", items=ROLES, update=role_changed)
-        shape: EnumProperty(name="Shape", description="The shape that the engine uses in place of the object", items=shape_items)
+        shape: EnumProperty(name="Shape", description="The shape that the engine uses in place of the object", items=shape_items, update=shape_changed)
+        last_shape: StringProperty(options={"HIDDEN"})
         is_marker: BoolProperty()
+        # Of identity.py.
+        identifier: StringProperty(options={"HIDDEN"})
         is_on: BoolProperty(name="On", description="Whether it acts; keyframes switch it on and off", default=True)
         resolution: IntProperty(
             name="Resolution",
@@ -133,15 +161,35 @@ def make_classes() -> list[type]:
         kind: EnumProperty(name="Kind", description=scene_key("ForceParams", "kind"), items=kind_items)
         pins: StringProperty(name="Pins", description="Vertex group whose points are held: those with a weight of at least 0.5")
         pin_stiffness: FloatProperty(name="Pin Stiffness (N/m)", description=scene_key("Pin", "stiffness"), min=0.0, default=0.0)
+        pin: PointerProperty(type=pin_group)
         use_liquid: BoolProperty(name="Liquid", description="Liquid and this cloth push each other", default=True)
         use_air: BoolProperty(name="Air", description="The air of the smoke pushes this cloth", default=True)
         liquid_friction: FloatProperty(name="Friction of Liquid", description=scene_key("Coupling", "friction"), min=0.0, default=0.1)
         drag: PointerProperty(type=drag_group)
+        joint_to: PointerProperty(
+            name="Join To", description="The cloth whose points are joined to this one's; the same object joins points of its own",
+            type=bpy.types.Object, poll=is_cloth,
+        )
+        joint_points: StringProperty(name="Points", description="Vertex group of this cloth: each of its points is joined to the nearest of the other's")
+        joint_other_points: StringProperty(name="Other Points", description="Vertex group of the other cloth. Of unequal groups, the farthest points stay free")
+        joint: PointerProperty(type=joint_group)
+        region_of: PointerProperty(
+            name="Cloth", description="The cloth that has the region; empty: all of it", type=bpy.types.Object, poll=is_cloth
+        )
 
     for name, group in groups.items():
         ObjectRole.__annotations__[name] = PointerProperty(type=group)
     for name, group in kind_groups.items():
         ObjectRole.__annotations__[f"kind_{name}"] = PointerProperty(type=group)
+    ObjectRole.__name__ = "MENISCUS_PG_object"
+    return ObjectRole
+
+
+def scene_class() -> type:
+    """Properties of a scene."""
+    liquid_group = settings.group("LiquidParams")
+    smoke_group, sheets_group = settings.group("SmokeParams", skip=SMOKE_SKIPPED), settings.group("SheetsCommon")
+    surface_group, whitewater_group, volume_group = (settings.group(f"{name}Params") for name in ("Surface", "Whitewater", "Volume"))
 
     class SceneShot(bpy.types.PropertyGroup):
         folder: StringProperty(
@@ -166,6 +214,10 @@ def make_classes() -> list[type]:
         preview: FloatProperty(name="Preview", description="Spacing of the preview over that of the final", min=1.0, max=10.0, default=1.4)
         threads: IntProperty(name="Threads", description="Threads of the engine; 0 uses every core", min=0, max=1024)
         use_whitewater: BoolProperty(name="Whitewater", description="Spray, foam and bubbles of the liquid")
+        use_colours: BoolProperty(
+            name="Colours by Source",
+            description="Each fluid and inflow has a colour of its own, which mix: Colour 1 to 6 of the surface's modifier. Needs a new simulation",
+        )
         liquid: PointerProperty(type=liquid_group)
         smoke: PointerProperty(type=smoke_group)
         sheets: PointerProperty(type=sheets_group)
@@ -173,8 +225,8 @@ def make_classes() -> list[type]:
         whitewater: PointerProperty(type=whitewater_group)
         volume: PointerProperty(type=volume_group)
 
-    ObjectRole.__name__, SceneShot.__name__ = "MENISCUS_PG_object", "MENISCUS_PG_scene"
-    return [ObjectRole, SceneShot]
+    SceneShot.__name__ = "MENISCUS_PG_scene"
+    return SceneShot
 
 
 classes: list[type] = []

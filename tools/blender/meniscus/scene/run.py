@@ -28,10 +28,15 @@ MAX_READ, MAX_LOG = 1 << 18, 1 << 26
 MAX_LINE = 1 << 16
 # A job has its lock after this time, or has not started.
 START_SECONDS = 30.0
-# Logs: of surfaces that follow a simulation, and of what is wrong with a preset.
-SURFACES, PROBLEMS = "surfaces", runner.PROBLEMS
+# What is made while a simulation runs, and the command for it: those that follow its frames one by one, and those that are repeated for
+# all frames so far, as their files hold all frames or a frame needs those before it.
+SURFACES, VOLUMES, SHEETS, BODIES, WHITEWATER = "surfaces", "volumes", "sheets", "bodies", "whitewater"
+FOLLOWING = {SURFACES: ["mesh", "{}", "--follow"], VOLUMES: ["volume", "{}", "--follow"]}
+REPEATED = {SHEETS: ["export", "{}", "--format", "pc2"], BODIES: ["colliders", "{}"], WHITEWATER: ["whitewater", "{}"]}
+# The log of what is wrong with a preset.
+PROBLEMS = runner.PROBLEMS
 # The steps of a job and what they are for.
-LABELS = {"simulate": "Simulating", "outputs": "Writing outputs", "plan": "Planning", "mesh": "Meshing", "whitewater": "Whitewater"}
+LABELS = {"simulate": "Simulating", "outputs": "Writing outputs", "plan": "Planning", "mesh": "Meshing", "whitewater": "Whitewater", "colliders": "Writing bodies"}
 REASONS = {
     1: "failed",
     2: "the preset is refused",
@@ -46,6 +51,8 @@ REASONS = {
     33: "more memory is needed than is allowed",
 }
 PAUSED = runner.INTERRUPTED
+# Part of the engine's note on a frame without particles.
+EMPTY = "no particles, so its"
 
 
 class Log:
@@ -115,6 +122,8 @@ class Job:
         self.process: subprocess.Popen | None = None
         self.messages: deque[str] = deque(maxlen=SHOWN_MESSAGES)
         self.error = ""
+        # Notes on frames without particles.
+        self.empty: set[str] = set()
         self.is_running = False
         self.code: int | None = None
         self.description: dict = {}
@@ -158,9 +167,12 @@ class Job:
         is_of_job = state.get("id") == self.description.get("id")
         self.state = state if is_of_job else {}
         self.is_running = (locked and is_of_job) or self.is_starting(is_of_job)
-        for name in [SURFACES, PROBLEMS, *(step["name"] for step in self.description.get("steps", []))]:
+        for name in [*FOLLOWING, PROBLEMS, *(step["name"] for step in self.description.get("steps", []))]:
             self.read(name)
         if not self.is_running:
+            if self.empty:
+                self.messages.append(f"{len(self.empty)} frame(s) are empty: there were no particles")
+                self.empty.clear()
             code = self.state.get("code")
             self.code = code if isinstance(code, int) else None
             if self.code in (0, PAUSED):
@@ -194,8 +206,11 @@ class Job:
                 continue
             if event == "error":
                 self.error = text
+            if event == "note" and EMPTY in text:
+                # One for each frame before an emitter starts.
+                self.empty.add(text)
             # Several commands of a job note the same.
-            if event == "note" and text not in self.messages:
+            elif event == "note" and text not in self.messages:
                 self.messages.append(text)
         progress.end_look()
 
@@ -222,9 +237,22 @@ class Job:
         done, elapsed = progress.percent - progress.first_percent, time.time() - progress.first_time
         return elapsed * (100.0 - progress.percent) / done if done > 1.0 and elapsed > 2.0 else None
 
-    def surfaces(self) -> set[int]:
-        """Frames whose surface this job has reported."""
-        return self.progress.get(SURFACES, Progress()).frames
+    def frames_of(self, product: str) -> set[int]:
+        """Frames of which this job has reported a product that follows the simulation."""
+        return self.progress.get(product, Progress()).frames
+
+    def passes(self) -> dict[str, int]:
+        """How often each product was made that is repeated."""
+        found = self.state.get("passes")
+        found = found if isinstance(found, dict) else {}
+        return {name: count for name, count in found.items() if name in REPEATED and isinstance(count, int)}
+
+    def products(self) -> set[str]:
+        """What is made while the job simulates."""
+        steps = self.description.get("steps")
+        lists = [step.get(key, []) for step in steps if isinstance(step, dict) for key in ("follow", "repeat")] if isinstance(steps, list) else []
+        names = {each.get("name") for some in lists if isinstance(some, list) for each in some if isinstance(each, dict)}
+        return names & (FOLLOWING.keys() | REPEATED.keys())
 
     def stop(self) -> None:
         """Pauses the job: the engine finishes its step, and keeps its frames. Raises ShotError."""
@@ -267,7 +295,7 @@ def start(root: Path, program: Path, action: str, tier: str, steps: list[dict], 
     if is_locked(job.folder):
         raise ShotError(f"{printable(root)}: a job is running in this folder. Pause it, or wait for its end")
     try:
-        logs = [f"{step}.{ending}" for step in (*LABELS, SURFACES, PROBLEMS) for ending in ("log", "out")]
+        logs = [f"{step}.{ending}" for step in {*LABELS, *FOLLOWING, *REPEATED, PROBLEMS} for ending in ("log", "out")]
         for name in ["stop", "state.json", *logs]:
             (job.folder / name).unlink(missing_ok=True)
     except OSError as error:
@@ -319,8 +347,8 @@ def attach(root: Path) -> Job | None:
     return job
 
 
-def steps_of(action: str, tier: str, preset: Path, changes: list[str], threads: int, follows: bool) -> list[dict]:
-    """The engine's commands of an action; `changes` are values for --set, `follows` makes surfaces while frames arrive."""
+def steps_of(action: str, tier: str, preset: Path, changes: list[str], threads: int, products: set[str]) -> list[dict]:
+    """The engine's commands of an action; `changes` are values for --set, `products` are made while frames arrive."""
     common = ["--progress", "json", *(["--threads", str(threads)] if threads else [])]
     of_preset = [preset.name, "--quality", tier]
     if action == "plan":
@@ -330,6 +358,10 @@ def steps_of(action: str, tier: str, preset: Path, changes: list[str], threads: 
         return [{"name": action, "arguments": [action, tier, *sets, *common]}]
     force = ["--force"] if action == "start_over" else []
     simulate = {"name": "simulate", "arguments": ["simulate", *of_preset, "-o", tier, *force, *common]}
-    if follows:
-        simulate |= {"follow": ["mesh", tier, "--follow", *common], "follow_name": SURFACES}
-    return [simulate, {"name": "outputs", "arguments": ["shot", *of_preset, "-o", tier, *common]}]
+    for key, table in (("follow", FOLLOWING), ("repeat", REPEATED)):
+        commands = [(name, [part.format(tier) for part in command]) for name, command in table.items() if name in products]
+        if commands:
+            simulate[key] = [{"name": name, "arguments": [*command, *common]} for name, command in commands]
+    steps = [simulate, {"name": "outputs", "arguments": ["shot", *of_preset, "-o", tier, *common]}]
+    # Bodies are written with other outputs, and are no output that a preset can name.
+    return steps + ([{"name": "colliders", "arguments": ["colliders", tier, *common]}] if products == {BODIES} else [])

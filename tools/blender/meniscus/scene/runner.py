@@ -23,6 +23,8 @@ POLL_SECONDS = 0.1
 # Longer than the engine takes to come to an end after its signal: it leaves by itself after 4 s.
 STOP_SECONDS = 15.0
 REPLACE_ATTEMPTS = 20
+# Between two commands that are repeated, at least.
+PASS_SECONDS = 1.0
 # Errors of a lock that another process holds.
 HELD = {errno.EWOULDBLOCK, errno.EAGAIN, errno.EACCES, errno.EDEADLK}
 
@@ -107,28 +109,31 @@ class Runner:
         return b'"begin"' in (self.folder / f"{log}.log").read_bytes()[:65536]
 
     def run_step(self, step: dict) -> int:
-        """One command, and with it the one that follows its frames; the exit code."""
-        self.state |= {"step": step["name"]}
+        """One command, with it those that follow its frames or are repeated while it runs; the exit code."""
+        self.state |= {"step": step["name"], "passes": {}}
         write_state(self.folder, self.state)
-        main, follower = self.start(step["arguments"], step["name"]), None
+        main, followers = self.start(step["arguments"], step["name"]), []
+        passes = Passes(self, step)
         try:
-            while main.poll() is None or (follower and follower.poll() is None):
-                if self.wants_stop() or (main.poll() not in (None, 0)):
+            while any(process.poll() is None for process in (main, *followers)) or passes.is_running():
+                is_running = main.poll() is None
+                if self.wants_stop() or (not is_running and main.returncode != 0):
                     break
                 # What an earlier simulation left is gone only once this one has begun.
-                if follower is None and step.get("follow") and main.poll() is None and self.has_begun(step["name"]):
-                    follower = self.start(step["follow"], step["follow_name"])
+                if is_running and not followers and step.get("follow") and self.has_begun(step["name"]):
+                    followers = [self.start(each["arguments"], each["name"]) for each in step["follow"]]
+                passes.look(may_start=is_running)
                 time.sleep(POLL_SECONDS)
         finally:
             # Also after an error, such as a log that is gone: no engine goes on without its runner.
-            for process in (main, follower):
+            for process in (main, *followers, passes.process):
                 if process:
                     self.stop(process)
         if self.is_stopped:
             return INTERRUPTED
         if main.returncode == REFUSED:
             self.explain(step["arguments"])
-        # A surface that could not be followed is made by the next step, which reports what is wrong with it.
+        # A product that could not be made meanwhile is made by the next step, which reports what is wrong with it.
         return main.returncode
 
     def explain(self, arguments: list[str]) -> None:
@@ -156,6 +161,56 @@ class Runner:
             write_state(self.folder, self.state)
         except OSError as error:
             print(f"{self.folder}: the state cannot be written ({error})", file=sys.stderr)
+
+
+class Passes:
+    """Commands of a step that make their files of all frames so far: one at a time, again when there are new frames.
+
+    Each rests four times as long as it ran, so that it takes at most a fifth of the time; `passes` of the state counts those that
+    succeeded.
+    """
+
+    def __init__(self, runner: Runner, step: dict) -> None:
+        self.runner, self.commands = runner, step.get("repeat", [])
+        self.log = runner.folder / f"{step['name']}.log"
+        self.offset, self.frames = 0, 0
+        # The frames that each command has seen, and when it may start again.
+        self.seen: dict[str, int] = {}
+        self.next_start: dict[str, float] = {}
+        self.process, self.name, self.started, self.ended = None, "", 0.0, 0.0
+
+    def is_running(self) -> bool:
+        return self.process is not None and self.process.poll() is None
+
+    def look(self, may_start: bool) -> None:
+        """Ends a command that is done, and starts the next if there are new frames for it."""
+        if self.is_running():
+            return
+        now = time.monotonic()
+        if self.process is not None:
+            if self.process.returncode == 0:
+                counts = self.runner.state["passes"]
+                counts[self.name] = counts.get(self.name, 0) + 1
+                write_state(self.runner.folder, self.runner.state)
+            self.process, self.ended = None, now
+            self.next_start[self.name] = now + 4.0 * (now - self.started)
+        if not may_start or not self.commands or now < self.ended + PASS_SECONDS:
+            return
+        self.count_frames()
+        waiting = [each for each in self.commands if self.next_start.get(each["name"], 0.0) <= now and self.seen.get(each["name"], 0) < self.frames]
+        if waiting:
+            command = min(waiting, key=lambda each: self.seen.get(each["name"], 0))
+            self.name, self.started, self.seen[command["name"]] = command["name"], now, self.frames
+            self.process = self.runner.start(command["arguments"], command["name"])
+
+    def count_frames(self) -> None:
+        """Counts the frames that the main command has reported."""
+        with open(self.log, "rb") as file:
+            file.seek(self.offset)
+            added = file.read()
+        whole = added.rfind(b"\n") + 1
+        self.offset += whole
+        self.frames += added[:whole].count(b'"event":"frame"')
 
 
 def main() -> int:

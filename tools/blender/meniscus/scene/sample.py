@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Looks at the objects with a role in every frame of the scene: world matrices, meshes with modifiers applied, animated settings."""
+"""Looks at the objects with a role in every frame of the scene: world matrices, meshes with modifiers applied, animated settings.
 
-from collections.abc import Iterator
+Sampling is a generator, which yields after each frame: a script runs it at once, Blender's window a few frames at a time.
+"""
+
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
@@ -11,6 +14,7 @@ import numpy as np
 from .. import nodes
 from ..messages import ShotError, printable
 from ..update import OUTPUT
+from . import moving
 from .changes import Changes
 
 GEOMETRY = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
@@ -52,6 +56,11 @@ class Sampled:
     @property
     def role(self):
         return self.source.meniscus
+
+    def repeat(self, count: int) -> None:
+        """Repeats what was sampled: one frame stands for `count` equal ones."""
+        for values in (self.matrices, self.rates, self.factors, self.is_on):
+            values *= count
 
     def deforms(self) -> bool:
         return len(self.vertices) > 1
@@ -108,48 +117,62 @@ def report_instances(each: bpy.types.Object, notes: list[str]) -> None:
 @contextmanager
 def quiet(context: bpy.types.Context, sources: list[bpy.types.Object]) -> Iterator[None]:
     """Shows objects that only their own eye hides, and switches results off, which would read a file a frame."""
+    # A generator that is closed from another window has another context.
+    layer = context.view_layer
     scene, before = context.scene, (context.scene.frame_current, context.scene.frame_subframe)
-    hidden = [each for each in sources if each.hide_get(view_layer=context.view_layer)]
+    hidden = [each for each in sources if each.hide_get(view_layer=layer)]
     results = [each for each in scene.objects if each.get(OUTPUT)]
     modifiers = [one for each in results for one in each.modifiers if one.show_viewport and one.name.startswith(nodes.NAME.split()[0])]
     try:
         for each in hidden:
-            each.hide_set(False, view_layer=context.view_layer)
+            each.hide_set(False, view_layer=layer)
         for modifier in modifiers:
             modifier.show_viewport = False
         yield
     finally:
         for each in hidden:
-            each.hide_set(True, view_layer=context.view_layer)
+            restore(lambda each=each: each.hide_set(True, view_layer=layer))
         for modifier in modifiers:
-            modifier.show_viewport = True
-        scene.frame_set(before[0], subframe=before[1])
+            restore(lambda modifier=modifier: setattr(modifier, "show_viewport", True))
+        restore(lambda: scene.frame_set(before[0], subframe=before[1]))
 
 
-def sample(context: bpy.types.Context, sources: list[bpy.types.Object], frames: list[int], scale: float, notes: list[str]) -> list[Sampled]:
-    """All objects in all frames, inside of `quiet`; the scene is in the first frame afterwards. Raises ShotError."""
-    found = [Sampled(each, frames) for each in sources]
-    changes, size = Changes(context.scene, sources), 0
-    manager = context.window_manager
-    manager.progress_begin(0, len(frames))
+def restore(undo: Callable[[], None]) -> None:
+    """Undoes a change, unless what was changed is gone: between two frames a script may remove an object."""
     try:
-        for index, frame in enumerate(frames):
-            manager.progress_update(index)
-            context.scene.frame_set(frame)
-            graph = context.evaluated_depsgraph_get()
-            if index == 0:
-                notes += instances(graph, sources)
-            changes.look(graph, index == 0)
-            for each in found:
-                size += sample_frame(each, graph, index == 0, scale)
-                if size > MAX_BYTES:
-                    text = f"more than {MAX_BYTES >> 30} GiB of vertices over {len(frames)} frames"
-                    raise ShotError(f"{printable(each.source.name)}: {text}. Use simpler meshes that deform, or fewer frames")
-    finally:
-        manager.progress_end()
+        undo()
+    except (ReferenceError, RuntimeError):
+        pass
+
+
+def sample(
+    context: bpy.types.Context, sources: list[bpy.types.Object], frames: list[int], scale: float, notes: list[str]
+) -> Generator[float, None, list[Sampled]]:
+    """Samples all objects, inside of `quiet`, and yields the finished part after each frame; the scene is in the first frame afterwards.
+
+    Where nothing moves, the first frame stands for all. Raises ShotError.
+    """
+    scene = context.scene
+    found = [Sampled(each, frames) for each in sources]
+    changes, size = Changes(scene, sources), 0
+    looked = frames if moving.moves(scene, sources) else frames[:1]
+    for index, frame in enumerate(looked):
+        scene.frame_set(frame)
+        graph = context.evaluated_depsgraph_get()
+        if index == 0:
+            notes += instances(graph, sources)
+        changes.look(graph, index == 0)
+        for each in found:
+            size += sample_frame(each, graph, index == 0, scale)
+            if size > MAX_BYTES:
+                text = f"more than {MAX_BYTES >> 30} GiB of vertices over {len(frames)} frames"
+                raise ShotError(f"{printable(each.source.name)}: {text}. Use simpler meshes that deform, or fewer frames")
+        yield (index + 1) / len(looked)
     notes += changes.notes()
+    for each in found:
+        each.repeat(len(frames) // len(looked))
     # Settings are read in the first frame, wherever the playhead is.
-    context.scene.frame_set(frames[0])
+    scene.frame_set(frames[0])
     return found
 
 
@@ -248,15 +271,17 @@ def geometry(evaluated: bpy.types.Object, graph: bpy.types.Depsgraph, keep_quads
 
 def pinned(each: Sampled) -> list[int]:
     """Numbers of the vertices in the group of pins. Raises ShotError."""
-    name = each.role.pins
-    if not name:
-        return []
+    return members(each, each.role.pins, "its pins") if each.role.pins else []
+
+
+def members(each: Sampled, name: str, purpose: str) -> list[int]:
+    """Numbers of the vertices in a vertex group, which has some. Raises ShotError."""
     source = each.source
     group = source.vertex_groups.get(name)
     if group is None:
-        raise ShotError(f"{printable(source.name)}: has no vertex group {printable(name)} for its pins. Choose one that it has")
+        raise ShotError(f"{printable(source.name)}: has no vertex group {printable(name)} for {purpose}. Choose one that it has")
     if len(source.data.vertices) != len(each.geometry.vertices):
-        finding = "its modifiers change the number of vertices, so the vertex group of its pins does not fit"
+        finding = f"its modifiers change the number of vertices, so the vertex group for {purpose} does not fit"
         raise ShotError(f"{printable(source.name)}: {finding}. Apply the modifiers")
     weights = ((vertex.index, entry.weight) for vertex in source.data.vertices for entry in vertex.groups if entry.group == group.index)
     found = sorted(index for index, weight in weights if weight >= 0.5)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""The jobs of the scenes of this file: a timer reads their logs, shows surfaces as frames arrive, and redraws the panels.
+"""The jobs of the scenes of this file: a timer reads their logs, shows what arrives, and redraws the panels.
 
 Jobs belong to folders, not to Blender: when a file is opened, the last job of its folder is found again, running or not.
 """
@@ -7,13 +7,17 @@ Jobs belong to folders, not to Blender: when a file is opened, the last job of i
 import json
 import subprocess
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
 
 from ..folder import read_limited
 from ..messages import ShotError, printable
-from . import preset, run, settings, show
+from . import places, run, sampling, settings, show
+from .arrivals import Arrivals
+from .sampling import Sampling
 
 POLL_SECONDS = 0.25
 # Between two looks at new surfaces, and, without a job, at jobs that another Blender has started.
@@ -27,14 +31,14 @@ jobs: dict[str, run.Job] = {}
 followed: dict[int, run.Job] = {}
 # Runners of jobs that have ended.
 ending: list[subprocess.Popen] = []
-arrivals: dict[str, show.Arrivals] = {}
+arrivals: dict[str, Arrivals] = {}
 plans: dict[str, list[str]] = {}
 last_look: dict[str, float] = {}
 
 
 def root_of(scene: bpy.types.Scene) -> Path | None:
     try:
-        return preset.folder_of(scene)
+        return places.folder_of(scene)
     except ShotError:
         return None
 
@@ -53,6 +57,12 @@ def plan_of(scene: bpy.types.Scene) -> list[str]:
     return plans.get(str(root), []) if root else []
 
 
+def shown_of(job: run.Job) -> str:
+    """What a running job shows so far; empty if nothing is."""
+    arrived = arrivals.get(str(job.root))
+    return arrived.text() if arrived is not None and job.is_running else ""
+
+
 def begin(scene: bpy.types.Scene, job: run.Job) -> None:
     """Takes a job that was started."""
     key = str(job.root)
@@ -67,13 +77,12 @@ def begin(scene: bpy.types.Scene, job: run.Job) -> None:
 
 
 def watch(job: run.Job) -> None:
-    """Follows the surfaces of a job that makes some."""
-    steps = job.description.get("steps", [])
+    """Follows what a job makes while it simulates."""
     frames = job.description.get("frames")
     is_list = isinstance(frames, list) and len(frames) == 3 and all(type(one) is int for one in frames)
-    if is_list and frames[2] > 0 and frames[0] >= 0 and any(isinstance(step, dict) and step.get("follow") for step in steps):
+    if is_list and frames[2] > 0 and frames[0] >= 0 and job.products():
         numbers = list(range(frames[0], min(frames[1], frames[0] + 1_000_000) + 1, frames[2]))
-        arrivals[str(job.root)] = show.Arrivals(job.shot, numbers)
+        arrivals[str(job.root)] = Arrivals(job, numbers)
 
 
 def ensure_timer() -> None:
@@ -83,8 +92,8 @@ def ensure_timer() -> None:
 
 def tick() -> float | None:
     """Updates all jobs; without a folder that has one, the timer ends."""
-    if bpy.app.is_job_running("RENDER"):
-        # A render reads the objects that would be changed.
+    if bpy.app.is_job_running("RENDER") or Sampling.current is not None:
+        # A render reads the objects that would be changed; sampling has changed the current frame.
         return POLL_SECONDS
     scenes = {scene.session_uid: scene for scene in bpy.data.scenes}
     for number, job in list(followed.items()):
@@ -97,7 +106,7 @@ def tick() -> float | None:
     if followed or ending:
         return POLL_SECONDS
     if any([find_job(scene, again=True) for scene in scenes.values()]):
-        redraw()
+        sampling.redraw(bpy.context)
     return POLL_SECONDS if followed else IDLE_SECONDS if jobs else None
 
 
@@ -116,13 +125,14 @@ def advance(scene: bpy.types.Scene, job: run.Job) -> None:
     if is_editing():
         # The timer goes on, and shows what has arrived when the artist is done.
         if changed:
-            redraw()
+            sampling.redraw(bpy.context)
         return
     arrived = arrivals.get(key)
-    if arrived is not None and (not job.is_running or time.monotonic() - last_look.get(key, 0.0) >= ARRIVAL_SECONDS):
+    if arrived is not None and arrived.is_due(job) and (not job.is_running or time.monotonic() - last_look.get(key, 0.0) >= ARRIVAL_SECONDS):
         last_look[key] = time.monotonic()
         try:
-            changed = arrived.update(scene, job.surfaces()) or changed
+            with in_scene(scene):
+                changed = arrived.update(bpy.context, scene, job) or changed
         except ShotError as error:
             job.messages.append(str(error))
             del arrivals[key]
@@ -133,7 +143,7 @@ def advance(scene: bpy.types.Scene, job: run.Job) -> None:
             ending.append(job.process)
         finish(scene, job)
     if changed:
-        redraw()
+        sampling.redraw(bpy.context)
 
 
 def finish(scene: bpy.types.Scene, job: run.Job) -> None:
@@ -150,22 +160,30 @@ def finish(scene: bpy.types.Scene, job: run.Job) -> None:
 
 
 def show_result(scene: bpy.types.Scene, job: run.Job) -> None:
-    # A timer has no window, which operators of Blender's importers need.
-    window = next(iter(bpy.context.window_manager.windows), None)
-    places = {"window": window} if window else {}
-    layer = window.view_layer if window else scene.view_layers[0]
-    selected, active = [each for each in layer.objects if each.select_get(view_layer=layer)], layer.objects.active
-    with bpy.context.temp_override(**places, scene=scene, view_layer=scene.view_layers[0]):
+    with in_scene(scene) as window:
         try:
             job.messages.extend(show.show_all(bpy.context, scene, job.shot))
         except ShotError as error:
             job.error = str(error)
-    select(layer, selected, active)
     if window:
         # The next Undo takes back what the artist does after this, not the result.
         with bpy.context.temp_override(window=window):
             if bpy.ops.ed.undo_push.poll():
                 bpy.ops.ed.undo_push(message="Meniscus Result")
+
+
+@contextmanager
+def in_scene(scene: bpy.types.Scene) -> Iterator[bpy.types.Window | None]:
+    """Gives Blender's importers the scene and a window, which a timer lacks, and keeps the artist's selection."""
+    window = next(iter(bpy.context.window_manager.windows), None)
+    places = {"window": window} if window else {}
+    layer = window.view_layer if window else scene.view_layers[0]
+    selected, active = [each for each in layer.objects if each.select_get(view_layer=layer)], layer.objects.active
+    try:
+        with bpy.context.temp_override(**places, scene=scene, view_layer=scene.view_layers[0]):
+            yield window
+    finally:
+        select(layer, selected, active)
 
 
 def select(layer: bpy.types.ViewLayer, selected: list[bpy.types.Object], active: bpy.types.Object | None) -> None:
@@ -219,14 +237,6 @@ def status(job: run.Job) -> str:
     return f"{job.tier.title()}: {job.reason()}"
 
 
-def redraw() -> None:
-    manager = bpy.context.window_manager
-    for window in manager.windows if manager else []:
-        for area in window.screen.areas:
-            if area.type in ("PROPERTIES", "VIEW_3D"):
-                area.tag_redraw()
-
-
 @bpy.app.handlers.persistent
 def opened(*_) -> None:
     """Finds the jobs of the folders of a file that was opened."""
@@ -265,7 +275,7 @@ def is_own(scene: bpy.types.Scene, job: run.Job) -> bool:
     if job.process is not None:
         return True
     started_in, blend = job.description.get("scene", scene.name), job.description.get("blend")
-    is_of_file = not isinstance(blend, str) or not blend or preset.is_same(job.root, blend)
+    is_of_file = not isinstance(blend, str) or not blend or places.is_same(job.root, blend)
     return is_of_file and started_in == scene.name
 
 
@@ -275,6 +285,7 @@ def folder_changed(shot: bpy.types.PropertyGroup, _context: bpy.types.Context) -
 
 def register() -> None:
     settings.updates["folder"] = folder_changed
+    sampling.register()
     bpy.app.handlers.load_post.append(opened)
     bpy.app.handlers.save_post.append(saved)
     # While an extension is being switched on, the open file cannot be read.
@@ -282,6 +293,7 @@ def register() -> None:
 
 
 def unregister() -> None:
+    sampling.unregister()
     bpy.app.handlers.load_post.remove(opened)
     bpy.app.handlers.save_post.remove(saved)
     if bpy.app.timers.is_registered(tick):

@@ -26,6 +26,7 @@ LITRES = "m³/s"
 WRITTEN = {"shape", "keyframes", "interpolation", "rate_keyframes", "strength_keyframes", "name", "kind", "systems", "on", "grain"}
 # Keys that are the object's own place, rotation and switch.
 OWN = {"BodyParams": {"position", "rotation"}, "Emitter": {"start", "end"}}
+OWN |= {"Ring": {"center", "direction", "radius"}, "Tube": {"from", "to"}}
 # The schema gives a required key no default.
 STARTS = {
     "LiquidParams.spacing": 0.03,
@@ -39,6 +40,14 @@ STARTS = {
     "Repulsion.energy": 0.5,
     "Repulsion.range": 0.004,
     "Contact.thickness": 0.002,
+    "Turbulence.scale": 0.4,
+    "Turbulence.strength": 0.3,
+    "Ring.thickness": 0.1,
+    "Ring.circulation": 1.6,
+    "Tube.thickness": 0.1,
+    "Tube.circulation": 1.0,
+    "Region.rest": 0.8,
+    "Joint.stiffness": 100.0,
     "uniform.acceleration": (0.0, 0.0, 1.0),
     "point.strength": 5.0,
     "point.radius": 0.1,

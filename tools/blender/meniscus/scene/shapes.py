@@ -56,8 +56,9 @@ class Shaper:
         if poses.is_still(found):
             return found[:1]
         if role not in MOVING:
-            if role == "FLUID":
-                self.note(each, "its animation is left out: liquid is where the object is in the first frame")
+            if role not in ("BODY", "CLOTH"):
+                # Of these the preset's writer reports it.
+                self.note(each, "its animation is left out: the preset has it where the object is in the first frame")
             return found[:1]
         if role not in CHANGING and any(pose.size != 1.0 for pose in found):
             self.note(each, "its change of size is left out: only colliders can change theirs")

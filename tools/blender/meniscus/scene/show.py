@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Shows the results of a job in the scene: surfaces as their frames arrive, everything else when the job has ended.
+"""Shows the results of a job in the scene; arrivals.py, those of a job that runs.
 
 Objects are those that the importer makes. Each has a custom property with the output that it shows, so a second run gives it
 other files and leaves its materials, name and place as the artist made them.
@@ -8,7 +8,6 @@ other files and leaves its materials, name and place as the artist made them.
 from pathlib import Path
 
 import bpy
-import numpy as np
 from mathutils import Matrix
 
 from .. import colliders, outputs, sheets
@@ -17,15 +16,13 @@ from ..folder import ShotFolder
 from ..headers import check_ply
 from ..messages import ShotError, printable
 from ..motion import Motion, read_motion
-from ..shot import FRAME_NUMBER, MAX_SCENE_FRAME, Frames, MeshOutput, Shot, below, read_shot
+from ..shot import MAX_SCENE_FRAME, Shot, below, read_shot
 from ..update import OUTPUT, Target
-from ..viscosity import read_viscosity
-from . import assets
+from .identity import SOURCE, Sources
 from .sample import quiet
 
 Copies = dict[str, bpy.types.Object]
 COLLECTION = "Meniscus Shot"
-SURFACE = MeshOutput("liquid", f"mesh/liquid_{FRAME_NUMBER}.ply", Frames(0, 0, 1), True)
 
 
 def collection(scene: bpy.types.Scene) -> bpy.types.Collection:
@@ -44,32 +41,6 @@ def target(scene: bpy.types.Scene) -> Target:
     return Target(scene, lambda: collection(scene), scene.unit_settings.scale_length)
 
 
-class Arrivals:
-    """Surfaces of a running job, shown up to the last frame before which none is missing."""
-
-    def __init__(self, shot: Path, frames: list[int]) -> None:
-        self.shot, self.frames = shot, frames
-        self.shown = 0
-        self.checked: set[int] = set()
-
-    def update(self, scene: bpy.types.Scene, reported: set[int]) -> bool:
-        """Shows frames that were reported since the last look. Raises ShotError."""
-        count = self.shown
-        while count < len(self.frames) and self.frames[count] in reported:
-            count += 1
-        if count == self.shown:
-            return False
-        files = ShotFolder(self.shot)
-        for frame in self.frames[self.shown : count]:
-            check_ply(files, SURFACE.path(frame))
-        self.shown = count
-        step = self.frames[1] - self.frames[0] if len(self.frames) > 1 else 1
-        span = Frames(self.frames[0], self.frames[count - 1], step)
-        folder = outputs.shot_folder(files.root, "AUTO")
-        target(scene).sequence(MeshOutput(SURFACE.name, SURFACE.pattern, span, True), folder, read_viscosity(self.shot))
-        return True
-
-
 def show_all(context: bpy.types.Context, scene: bpy.types.Scene, folder: Path) -> list[str]:
     """Shows every output of a shot that ended; what was reported about it. Raises ShotError."""
     notes: list[str] = []
@@ -78,37 +49,22 @@ def show_all(context: bpy.types.Context, scene: bpy.types.Scene, folder: Path) -
     frames = check_files(shot, files, notes.append)
     path = outputs.shot_folder(files.root, "AUTO")
     outputs.check_paths(shot, path)
-    sources = Sources(folder.parent)
-    copies = copies_of(context, scene, shot, sources)
     for output in (*shot.meshes, *shot.points):
         target(scene).sequence(output, path, shot.viscosity)
     for output in shot.volumes:
         target(scene).volume(context, output, path, frames[output], shot.viscosity)
-    for sheet in shot.sheets:
-        show_cloth(context, scene, sheet, sources, copies, files, path)
-    show_solids(context, scene, shot, sources, copies, files, path)
+    show_shapes(context, scene, shot, Sources(folder.parent), files)
     return notes
 
 
-class Sources:
-    """The objects that the preset of a folder was made of, by the names of their files and outputs."""
-
-    def __init__(self, root: Path) -> None:
-        objects = assets.read_objects(root).get("objects")
-        self.objects: dict[str, dict] = objects if isinstance(objects, dict) else {}
-
-    def object(self, scene: bpy.types.Scene, asset: str, role: str) -> bpy.types.Object | None:
-        """The object of a name, unless it is gone, has another role now, or the list is broken."""
-        entry = self.objects.get(asset)
-        name = entry.get("object") if isinstance(entry, dict) else None
-        found = scene.objects.get(name) if isinstance(name, str) else None
-        return found if found is not None and found.meniscus.role == role and self.start(asset) is not None else None
-
-    def start(self, asset: str) -> Matrix | None:
-        """The world matrix in the first frame, with lengths in metres."""
-        values = self.objects[asset].get("start")
-        is_sound = isinstance(values, list) and len(values) == 16 and all(type(one) in (int, float) and abs(one) < 1e9 for one in values)
-        return Matrix(np.array(values, np.float64).reshape(4, 4).tolist()) if is_sound else None
+def show_shapes(context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, sources: Sources, files: ShotFolder) -> None:
+    """Shows cloth, bodies and tanks with a look. Raises ShotError."""
+    keys = {each.name: f"sheet:{each.name}" for each in shot.sheets} | {each.name: f"body:{each.name}" for each in shot.colliders}
+    sources.relabel(scene, OUTPUT, keys)
+    copies, path = copies_of(context, scene, shot, sources), outputs.shot_folder(files.root, "AUTO")
+    for sheet in shot.sheets:
+        show_cloth(context, scene, sheet, sources, copies, files, path)
+    show_solids(context, scene, shot, sources, copies, files)
 
 
 def copies_of(context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, sources: Sources) -> dict[str, bpy.types.Object]:
@@ -132,8 +88,11 @@ def copy_of(context: bpy.types.Context, source: bpy.types.Object, start: Matrix,
     return bpy.data.objects.new(f"{source.name} Simulated", mesh)
 
 
-def put_aside(source: bpy.types.Object, layer: bpy.types.ViewLayer) -> None:
-    """Hides an object that a result stands for: its eye, and in renders. Its role keeps it in the simulation."""
+def stand_in(shown: bpy.types.Object, source: bpy.types.Object | None, layer: bpy.types.ViewLayer) -> None:
+    """Hides the object that a result stands for: its eye, and in renders. Its role keeps it in the simulation."""
+    if source is None:
+        return
+    shown[SOURCE] = source.meniscus.identifier
     source.hide_render = True
     if source.name in layer.objects:
         source.hide_set(True, view_layer=layer)
@@ -154,12 +113,10 @@ def show_cloth(context: bpy.types.Context, scene: bpy.types.Scene, sheet, source
         made = sheets.add_sheet(sheet, files.full(sheet.rest), cache)
     elif not len(made.data.materials):
         made.data.materials.append(sheets.cloth())
-    target(scene).adopt(made, key)
-    if source is not None:
-        put_aside(source, context.view_layer)
+    stand_in(target(scene).adopt(made, key), source, context.view_layer)
 
 
-def show_solids(context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, sources: Sources, copies: Copies, files: ShotFolder, path: str) -> None:
+def show_solids(context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, sources: Sources, copies: Copies, files: ShotFolder) -> None:
     """Bodies where the simulation moved them, and tanks with a look; the scene has the other colliders."""
     for output in shot.colliders:
         source = sources.object(scene, output.name, "BODY")
@@ -170,8 +127,7 @@ def show_solids(context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, 
             if not len(made.data.materials):
                 made.data.materials.append(colliders.matte())
             moved(made, motion, scene.unit_settings.scale_length)
-            target(scene).adopt(made, f"body:{output.name}")
-            put_aside(source, context.view_layer)
+            stand_in(target(scene).adopt(made, f"body:{output.name}"), source, context.view_layer)
         elif motion.shape == "tank":
             made = colliders.add_collider(output, files.full(output.mesh), motion)
             moved(made, motion, scene.unit_settings.scale_length)

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Shows the products of a running job as they are made.
+
+Surfaces and volumes of smoke have a file a frame, and are shown up to the last frame before which none is missing. Cloth,
+bodies and whitewater are made of all frames so far, again and again: each time, their objects are updated.
+"""
+
+from pathlib import Path
+
+import bpy
+
+from .. import colliders, outputs, volumes
+from ..check import check_cache, check_sequence, check_sheet
+from ..folder import ShotFolder
+from ..headers import MAX_PLY_HEADER_BYTES, check_ply, head
+from ..messages import ShotError
+from ..motion import read_motion
+from ..shot import FOG, FRAME_NUMBER, Frames, MeshOutput, SequenceOutput, Shot, VolumeOutput, below, read_shot
+from ..vdb import check_vdb
+from ..viscosity import read_viscosity
+from . import run, show
+from .identity import Sources
+
+SURFACE = MeshOutput("liquid", f"mesh/liquid_{FRAME_NUMBER}.ply", Frames(0, 0, 1), True)
+SMOKE = VolumeOutput("smoke", f"volume/smoke_{FRAME_NUMBER}.vdb", Frames(0, 0, 1), True, (FOG, "velocity"))
+# Property of surfaces with colours.
+SOURCE = b" source\n"
+# A file may be replaced while it is read: so many looks may fail in a row.
+MAX_FAILURES = 5
+
+
+class Arrivals:
+    """What a job has made so far, as its scene shows it."""
+
+    def __init__(self, job: run.Job, frames: list[int]) -> None:
+        self.shot, self.root, self.frames = job.shot, job.root, frames
+        # Numbers of frames in a row that have a file, and those that are shown.
+        self.shown: dict[str, int] = {}
+        self.passes: dict[str, int] = {}
+        # Keys of results whose objects are those of this job.
+        self.made: set[str] = set()
+        # The last frame that is shown, by what shows it.
+        self.last: dict[str, int] = {}
+        self.failures = 0
+        self.seen: tuple = ()
+
+    def is_due(self, job: run.Job) -> bool:
+        """Whether the job has made anything since the last successful look."""
+        return self.seen != made_by(job)
+
+    def text(self) -> str:
+        """What is shown so far, for the panel; empty if nothing is."""
+        return "Shown to frame: " + ", ".join(f"{name} {frame}" for name, frame in self.last.items()) if self.last else ""
+
+    def update(self, context: bpy.types.Context, scene: bpy.types.Scene, job: run.Job) -> bool:
+        """Shows what was made since the last look; whether there was any. Raises ShotError, and has then to be given up."""
+        before = dict(self.last)
+        try:
+            files = ShotFolder(self.shot)
+            self.surfaces(scene, files, job.frames_of(run.SURFACES))
+            self.volumes(context, scene, files, job.frames_of(run.VOLUMES))
+            self.repeated(context, scene, files, job.passes())
+            self.seen, self.failures = made_by(job), 0
+        except ShotError:
+            self.failures += 1
+            if self.failures >= MAX_FAILURES:
+                raise
+        return self.last != before
+
+    def arrived(self, output: SequenceOutput, files: ShotFolder, reported: set[int]) -> int:
+        """How many frames in a row have a file of a sequence."""
+        count = self.shown.get(output.name, 0)
+        while count < len(self.frames) and self.frames[count] in reported and files.has(output.path(self.frames[count])):
+            count += 1
+        return count
+
+    def span(self, count: int) -> Frames:
+        step = self.frames[1] - self.frames[0] if len(self.frames) > 1 else 1
+        return Frames(self.frames[0], self.frames[count - 1], step)
+
+    def surfaces(self, scene: bpy.types.Scene, files: ShotFolder, reported: set[int]) -> None:
+        before, count = self.shown.get(SURFACE.name, 0), self.arrived(SURFACE, files, reported)
+        if count == before:
+            return
+        for frame in self.frames[before:count]:
+            check_ply(files, SURFACE.path(frame))
+        content, _ = head(files, SURFACE.path(self.frames[before]), MAX_PLY_HEADER_BYTES)
+        output = MeshOutput(SURFACE.name, SURFACE.pattern, self.span(count), True, SOURCE in content.partition(b"element face")[0])
+        show.target(scene).sequence(output, outputs.shot_folder(files.root, "AUTO"), read_viscosity(self.shot))
+        self.shown[SURFACE.name] = count
+        self.last["Surface"] = output.frames.last
+
+    def volumes(self, context: bpy.types.Context, scene: bpy.types.Scene, files: ShotFolder, reported: set[int]) -> None:
+        before, count = self.shown.get(SMOKE.name, 0), self.arrived(SMOKE, files, reported)
+        if count == before:
+            return
+        for frame in self.frames[before:count]:
+            check_vdb(files, SMOKE.path(frame))
+        output = VolumeOutput(SMOKE.name, SMOKE.pattern, self.span(count), True, SMOKE.grids)
+        folder, key = outputs.shot_folder(files.root, "AUTO"), outputs.key_of(output)
+        shown = show.target(scene).existing(key)
+        if shown is not None and key in self.made:
+            shown.data.frame_duration = output.frames.last - output.frames.first + 1
+        else:
+            # The material's density follows from the size of the smoke: without any it is too early.
+            newest = self.frames[before:count]
+            if volumes.extent(context, SMOKE.name, [below(folder, output.path(frame)) for frame in newest]) is None:
+                return
+            show.target(scene).volume(context, output, folder, newest, 0.0)
+            self.made.add(key)
+        self.shown[SMOKE.name] = count
+        self.last["Smoke"] = output.frames.last
+
+    def repeated(self, context: bpy.types.Context, scene: bpy.types.Scene, files: ShotFolder, passes: dict[str, int]) -> None:
+        new = {name for name, count in passes.items() if count != self.passes.get(name, 0)}
+        if not new:
+            return
+        shot = read_shot(self.shot)
+        if run.WHITEWATER in new:
+            for output in (each for each in shot.points if each.is_whitewater):
+                check_sequence(output, files, lambda _text: None)
+                show.target(scene).sequence(output, outputs.shot_folder(files.root, "AUTO"), shot.viscosity)
+                self.last["Whitewater"] = output.frames.last
+        if run.SHEETS in new:
+            for sheet in shot.sheets:
+                check_sheet(sheet, files)
+            self.shapes(context, scene, shot, files, [(f"sheet:{each.name}", each.frames.last) for each in shot.sheets])
+        if run.BODIES in new:
+            self.bodies(context, scene, shot, files)
+        self.passes = dict(passes)
+
+    def shapes(self, context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, files: ShotFolder, keys: list[tuple[str, int]]) -> None:
+        """Makes the results of cloth and bodies, which follow their files from then on."""
+        target, sources = show.target(scene), Sources(self.root)
+        lacking = [key for key, _ in keys if key not in self.made or target.existing(key) is None]
+        if lacking:
+            show.show_shapes(context, scene, shot, sources, files)
+            self.made.update(key for key, _ in keys)
+        for key, last in keys:
+            shown = target.existing(key)
+            if shown is not None:
+                # A modifier reads a point cache that has grown when its object is evaluated again.
+                shown.update_tag(refresh={"DATA"})
+                self.last[shown.name.removesuffix(" Simulated")] = last
+
+    def bodies(self, context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, files: ShotFolder) -> None:
+        sources, target = Sources(self.root), show.target(scene)
+        found = [(each, f"body:{each.name}") for each in shot.colliders if sources.object(scene, each.name, "BODY") is not None]
+        motions = {}
+        for output, key in found:
+            motions[key] = read_motion(files, output.motion)
+            check_cache(output, motions[key], files)
+        known = self.made & motions.keys()
+        self.shapes(context, scene, shot, files, [(key, motion.first + len(motion.poses) - 1) for key, motion in motions.items()])
+        for key in known:
+            shown = target.existing(key)
+            if shown is not None:
+                colliders.forget(shown)
+                show.moved(shown, motions[key], scene.unit_settings.scale_length)
+
+
+def made_by(job: run.Job) -> tuple:
+    """Changes whenever a job has made something."""
+    return len(job.frames_of(run.SURFACES)), len(job.frames_of(run.VOLUMES)), *sorted(job.passes().items())

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Which object of a scene an asset was made of, also after it was renamed.
+
+`assets/objects.json` has three marks of each object. Its `session_uid` is exact, survives renames and undo, and ends when a file is
+loaded. The identifier that its role keeps survives saving and is lost by undo; copies have it, too, until the file is saved. Its name is
+the last resort.
+"""
+
+import uuid
+from pathlib import Path
+
+import bpy
+from mathutils import Matrix
+
+from ..messages import ShotError
+from . import assets
+from .places import folder_of
+from .sample import Sampled
+
+# Custom property of a result: the identifier of the object that it stands for.
+SOURCE = "meniscus_source"
+# Names the time between two loaded files, in which a `session_uid` means one object.
+session = uuid.uuid4().hex
+
+
+@bpy.app.handlers.persistent
+def loaded(*_) -> None:
+    global session
+    session = uuid.uuid4().hex
+
+
+@bpy.app.handlers.persistent
+def saving(*_) -> None:
+    """Takes the identifier from copies, which the saved file could not distinguish from their originals."""
+    for scene in bpy.data.scenes:
+        try:
+            sources = Sources(folder_of(scene))
+        except ShotError:
+            continue
+        numbers = {entry.get("identifier"): entry.get("session_uid") for entry in sources.objects.values()}
+        for each in scene.objects if sources.is_of_session else []:
+            if numbers.get(each.meniscus.identifier, each.session_uid) != each.session_uid:
+                each.meniscus.identifier = ""
+
+
+def register() -> None:
+    bpy.app.handlers.load_post.append(loaded)
+    bpy.app.handlers.save_pre.append(saving)
+
+
+def unregister() -> None:
+    bpy.app.handlers.load_post.remove(loaded)
+    bpy.app.handlers.save_pre.remove(saving)
+
+
+def mark(sampled: list[Sampled], earlier: "Sources") -> None:
+    """Gives each object an identifier of its own: of copies, the one that an earlier preset was made of keeps it."""
+    used: set[str] = set()
+    known = {entry.get("session_uid") for entry in earlier.objects.values()} if earlier.is_of_session else set()
+    for each in sorted(sampled, key=lambda each: each.source.session_uid not in known):
+        role = each.source.meniscus
+        if not role.identifier or role.identifier in used:
+            role.identifier = uuid.uuid4().hex
+        used.add(role.identifier)
+
+
+def entries(sampled: list[Sampled]) -> dict[str, dict[str, object]]:
+    """What `objects.json` has of each object, by the name of its asset."""
+    return {
+        each.asset: {
+            "object": each.source.name,
+            "identifier": each.source.meniscus.identifier,
+            "session_uid": each.source.session_uid,
+            "start": each.matrices[0].ravel().tolist(),
+        }
+        for each in sampled
+    }
+
+
+class Sources:
+    """The objects that the preset of a folder was made of, by the names of their files and outputs."""
+
+    def __init__(self, root: Path) -> None:
+        data = assets.read_objects(root)
+        objects = data.get("objects")
+        self.is_of_session = data.get("session") == session
+        objects = objects if isinstance(objects, dict) else {}
+        self.objects: dict[str, dict] = {asset: entry for asset, entry in objects.items() if isinstance(entry, dict)}
+
+    def object(self, scene: bpy.types.Scene, asset: str, role: str) -> bpy.types.Object | None:
+        """The object of an asset, unless it is gone, has another role now, or the list is broken."""
+        entry = self.objects.get(asset)
+        found = self.find(scene, entry) if entry is not None else None
+        return found if found is not None and found.meniscus.role == role and self.start(asset) is not None else None
+
+    def find(self, scene: bpy.types.Scene, entry: dict) -> bpy.types.Object | None:
+        number, identifier, name = entry.get("session_uid"), entry.get("identifier"), entry.get("object")
+        if self.is_of_session:
+            exact = next((each for each in scene.objects if each.session_uid == number), None)
+            if exact is not None:
+                return exact
+        marked = [each for each in scene.objects if identifier and each.meniscus.identifier == identifier]
+        named = scene.objects.get(name) if isinstance(name, str) else None
+        if named in marked or not marked:
+            # An object that has taken the name of another is not the other.
+            others = {one.get("identifier") for one in self.objects.values()} - {identifier}
+            return named if named is not None and named.meniscus.identifier not in others - {""} else None
+        return marked[0] if len(marked) == 1 else None
+
+    def start(self, asset: str) -> Matrix | None:
+        """The world matrix in the first frame, with lengths in metres."""
+        values = self.objects[asset].get("start")
+        is_sound = isinstance(values, list) and len(values) == 16 and all(type(one) in (int, float) and abs(one) < 1e9 for one in values)
+        return Matrix([values[4 * row : 4 * row + 4] for row in range(4)]) if is_sound else None
+
+    def relabel(self, scene: bpy.types.Scene, output: str, keys: dict[str, str]) -> None:
+        """Gives results of renamed objects the key under which their object is shown now; `keys` has it by asset, `output` is its property."""
+        shown = {self.objects[asset].get("identifier"): key for asset, key in keys.items() if asset in self.objects}
+        for each in scene.objects:
+            key = shown.get(each.get(SOURCE)) if each.get(SOURCE) else None
+            if key is not None and each.get(output, "").partition(":")[0] == key.partition(":")[0]:
+                each[output] = key

@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Joints between two sheets of cloth: each point of one vertex group with the nearest of the other."""
+
+import numpy as np
+
+from ..messages import ShotError, printable
+from .sample import Sampled, members
+
+# Points that an exact joint holds together are at most this far apart [m]: rounding of places in single precision.
+COINCIDENT = 1e-5
+
+
+def placed(each: Sampled) -> np.ndarray:
+    """The points of a sheet in the world [m]."""
+    matrix = each.matrices[0]
+    return each.vertices[0].astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def pairs(each: Sampled, other: Sampled) -> tuple[list[int], list[int], float]:
+    """Numbers of the points that are joined, in order, and the largest distance between two of them. Raises ShotError."""
+    role = each.role
+    own = members(each, role.joint_points, "its joint")
+    theirs = members(other, role.joint_other_points, f"the joint of {printable(each.source.name)}")
+    if each is other and set(own) & set(theirs):
+        raise ShotError(f"{printable(each.source.name)}: a point is in both vertex groups of its joint. Use groups without a common point")
+    distances = np.linalg.norm(placed(each)[own][:, None] - placed(other)[theirs][None], axis=2)
+    found: list[tuple[int, int]] = []
+    rows, columns, largest = set(range(len(own))), set(range(len(theirs))), 0.0
+    # The nearest pair first, so that a group with more points leaves its farthest out.
+    for flat in np.argsort(distances, axis=None, kind="stable"):
+        row, column = divmod(int(flat), len(theirs))
+        if row in rows and column in columns:
+            found.append((row, column))
+            rows.remove(row)
+            columns.remove(column)
+            largest = max(largest, float(distances[row, column]))
+            if not rows or not columns:
+                break
+    found.sort()
+    return [own[row] for row, _ in found], [theirs[column] for _, column in found], largest
+
+
+def check_exact(each: Sampled, values: dict[str, object], largest: float) -> None:
+    """Raises ShotError if an exact joint would have to pull points together."""
+    if "stiffness" not in values and "direction" not in values and largest > COINCIDENT:
+        text = f"points of its joint are {largest:.3g} m apart, and without a stiffness they must coincide"
+        raise ShotError(f"{printable(each.source.name)}: {text}. Switch Stiffness of the joint on, or move them together")

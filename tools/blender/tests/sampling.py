@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Tests of how frames are sampled, inside Blender: a few a tick, Esc, progress, no frame of a scene at rest; and of objects that are renamed.
+
+run.py starts each stage in a process of its own. There is no window, so events are made up.
+"""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import bpy
+
+import harness
+from harness import check
+from presets import add, fresh
+from results import drawn
+from scenes import scene_module, wait
+
+LAST = 40
+
+
+class Sampled:
+    """Counts the frames in which objects are sampled."""
+
+    def __init__(self) -> None:
+        self.sample, self.frames = scene_module("sample"), []
+        self.original = self.sample.sample_frame
+
+    def __enter__(self) -> list[int]:
+        def counted(each, *rest):
+            self.frames.append(bpy.context.scene.frame_current)
+            return self.original(each, *rest)
+
+        self.sample.sample_frame = counted
+        return self.frames
+
+    def __exit__(self, *_) -> None:
+        self.sample.sample_frame = self.original
+
+
+def check_rest(folder: Path) -> None:
+    """Frames are sampled only if something on which an object with a role depends may move."""
+    scene = fresh(folder)
+    scene.frame_end = LAST
+    target = bpy.data.objects.new("Target", None)
+    scene.collection.objects.link(target)
+    pool = bpy.data.objects["Pool"]
+    other = add("collider")
+    other.meniscus.role = "NONE"
+    other.keyframe_insert("location", frame=1)
+    cases = [("a scene at rest, whatever moves in it without a role", lambda: None, False)]
+    cases.append(("the parent of a parent", lambda: parent(pool, parent(target, other)), True))
+    cases.append(("a constraint", lambda: setattr(pool.constraints.new("COPY_LOCATION"), "target", other), True))
+    cases.append(("a driver", lambda: drive(pool, other), True))
+    cases.append(("a modifier with a time of its own", lambda: pool.modifiers.new("Wave", "WAVE"), True))
+    cases.append(("a modifier", lambda: pool.modifiers.new("Bevel", "BEVEL"), False))
+    cases.append(("an animated setting of the scene", lambda: scene.keyframe_insert("gravity"), True))
+    cases.append(("a handler of another extension", lambda: bpy.app.handlers.frame_change_post.append(handler), True))
+    cases.append(("a parent that is a rigid body", lambda: parent(pool, rigid()), True))
+    for name, change, moves in cases:
+        change()
+        with Sampled() as frames:
+            scene_module("preset").write(bpy.context)
+        expected = list(range(1, LAST + 1)) if moves else [1]
+        check(sorted(set(frames)) == expected, f"{name}: {'every frame is' if moves else 'one frame is'} sampled", frames)
+        restore(pool, target, scene)
+
+
+def handler(*_) -> None:
+    """Moves nothing."""
+
+
+def parent(one: bpy.types.Object, other: bpy.types.Object) -> bpy.types.Object:
+    one.parent = other
+    return one
+
+
+def rigid() -> bpy.types.Object:
+    each = bpy.data.objects.new("Rigid", bpy.data.meshes.new("Rigid"))
+    bpy.context.collection.objects.link(each)
+    with bpy.context.temp_override(object=each, active_object=each, selected_objects=[each]):
+        bpy.ops.rigidbody.object_add()
+    return each
+
+
+def drive(pool: bpy.types.Object, other: bpy.types.Object) -> None:
+    variable = pool.driver_add("location", 0).driver.variables.new()
+    variable.targets[0].id, variable.targets[0].data_path = other, "location.x"
+
+
+def restore(pool: bpy.types.Object, target: bpy.types.Object, scene: bpy.types.Scene) -> None:
+    pool.parent = target.parent = None
+    pool.constraints.clear()
+    pool.modifiers.clear()
+    pool.animation_data_clear()
+    scene.animation_data_clear()
+    if handler in bpy.app.handlers.frame_change_post:
+        bpy.app.handlers.frame_change_post.remove(handler)
+
+
+def button(operator: type):
+    """A stand-in for a button that was pressed in a window: without one, Blender makes no modal operator."""
+    sampling = scene_module("sampling")
+    found = {"reports": [], "timer": None}
+    found["report"] = lambda self, kind, text: self.reports.append((*kind, text))
+    found["wait_for_events"] = lambda self, _context: None
+    for name in ("takes_over", "prepare", "finish", "start", "action", "wait", "wait_for"):
+        if hasattr(operator, name):
+            found[name] = getattr(operator, name)
+    return type("Button", (sampling.PresetOperator,), found | {"wait": False})()
+
+
+def event(kind: str) -> SimpleNamespace:
+    return SimpleNamespace(type=kind, value="PRESS")
+
+
+def moving_pool(folder: Path) -> bpy.types.Scene:
+    scene = fresh(folder)
+    scene.frame_end = LAST
+    made = add("collider")
+    for frame in (1, LAST):
+        made.location.z = frame
+        made.keyframe_insert("location", frame=frame)
+    made.hide_set(True)
+    scene.frame_set(7, subframe=0.25)
+    return scene
+
+
+def state(scene: bpy.types.Scene) -> tuple:
+    """What sampling changes for a while."""
+    return scene.frame_current, scene.frame_subframe, bpy.data.objects["Collider"].hide_get()
+
+
+def check_modal(folder: Path) -> None:
+    """A button samples a frame a tick, shows how far it is, and leaves the scene as it was."""
+    scene, context = moving_pool(folder), bpy.context
+    operators, panels = scene_module("operators"), scene_module("panels")
+    path, before = folder / "meniscus" / "scene.toml", state(scene)
+    pressed, ticks, texts = button(operators.MENISCUS_OT_write), 1, []
+    with Sampled() as frames:
+        answer = pressed.invoke(context, event("LEFTMOUSE"))
+        check(answer == {"RUNNING_MODAL"} and len(set(frames)) == 1, "a button that writes the preset is modal after its first frame", (answer, frames))
+        check(not bpy.ops.meniscus.simulate.poll() and not bpy.ops.meniscus.write.poll(), "no second button works meanwhile")
+        check(pressed.modal(context, event("MOUSEMOVE")) == {"RUNNING_MODAL"} and len(set(frames)) == 1, "other events sample nothing, and change nothing")
+        check(not path.exists(), "no preset is written yet")
+        while answer == {"RUNNING_MODAL"} and ticks < 10 * LAST:
+            texts += drawn(panels.MENISCUS_PT_sidebar)
+            answer = pressed.modal(context, event("TIMER"))
+            ticks += 1
+    check(answer == {"FINISHED"} and path.is_file(), "the preset is written after the last frame", (answer, pressed.reports))
+    check(ticks >= LAST and sorted(set(frames)) == list(range(1, LAST + 1)), "a tick samples one frame of a heavy scene", (ticks, len(set(frames))))
+    shown = [text for text in texts if "Sampling" in text]
+    check(len(set(shown)) > LAST // 2 and all("Esc" in text for text in shown), "the panel shows the progress, and that Esc cancels", shown[:3])
+    check(state(scene) == before, "frame and hidden objects are as before", (state(scene), before))
+    written = path.read_bytes()
+    bpy.ops.meniscus.write()
+    check(path.read_bytes() == written and state(scene) == before, "a script writes the same at once")
+
+
+def check_cancelled(folder: Path) -> None:
+    """Esc, an undo, a removed object, and an error in a frame end the sampling without a trace."""
+    for name in ("Esc", "undo", "a save", "a removed object", "a frame without a mesh"):
+        scene, context = moving_pool(folder / name), bpy.context
+        before, path = state(scene), folder / name / "meniscus" / "scene.toml"
+        pressed = button(scene_module("operators").MENISCUS_OT_write)
+        pressed.invoke(context, event("LEFTMOUSE"))
+        pressed.modal(context, event("TIMER"))
+        check(state(scene) != before, f"{name}: the scene is in another frame", state(scene))
+        answer = interrupt(name, pressed)
+        check(answer == {"CANCELLED"}, f"{name} cancels", answer)
+        is_reported = any(kind in ("WARNING", "ERROR") and "sampled" in text for kind, text in pressed.reports)
+        check(is_reported or name == "a frame without a mesh", f"{name} is reported", pressed.reports)
+        if name != "a removed object":
+            check(state(scene) == before, f"{name}: frame and hidden objects are as before", (state(scene), before))
+        check(scene.frame_current == 7 and not path.exists(), f"{name}: nothing is written", scene.frame_current)
+        check(bpy.ops.meniscus.simulate.poll() and bpy.ops.meniscus.write.poll(), f"{name}: the buttons work again")
+
+
+def interrupt(name: str, pressed) -> set[str]:
+    """What happens while frames are sampled; what the operator then returns."""
+    if name == "Esc":
+        return pressed.modal(bpy.context, event("ESC"))
+    if name == "undo":
+        for each in bpy.app.handlers.undo_pre:
+            each(bpy.context.scene)
+    elif name == "a save":
+        bpy.ops.wm.save_mainfile()
+    elif name == "a removed object":
+        bpy.data.objects.remove(bpy.data.objects["Pool"])
+    else:
+        bpy.data.objects["Collider"].location.z = float("nan")
+        bpy.data.objects["Collider"].animation_data_clear()
+    return pressed.modal(bpy.context, event("TIMER"))
+
+
+def check_simulate(folder: Path) -> None:
+    """*Simulate* and *Start Over* of a window start the engine after the last frame."""
+    scene = moving_pool(folder)
+    scene.frame_end = 2
+    session, sampling = scene_module("session"), scene_module("sampling")
+    pressed = button(scene_module("operators").MENISCUS_OT_plan)
+    answer, looks = pressed.invoke(bpy.context, event("LEFTMOUSE")), 0
+    check(session.job_of(scene) is None, "no job starts while frames are sampled")
+    while answer == {"RUNNING_MODAL"} and looks < 100:
+        answer, looks = pressed.modal(bpy.context, event("TIMER")), looks + 1
+    job = session.job_of(scene)
+    check(answer == {"FINISHED"} and job is not None and job.action == "plan", "the engine starts after the last frame", (answer, pressed.reports))
+    check(sampling.Sampling.current is None, "sampling has ended")
+    wait(scene)
+
+
+def stage_sampling(folder: Path) -> None:
+    check_rest(folder / "rest")
+    sampling = scene_module("sampling")
+    sampling.has_window = lambda context: True
+    sampling.BUDGET_SECONDS = 0.0
+    check_modal(folder / "modal")
+    check_cancelled(folder / "cancelled")
+    check_simulate(folder / "simulate")
+
+
+if __name__ == "__main__":
+    harness.run(globals())
