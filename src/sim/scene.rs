@@ -204,7 +204,7 @@ impl Scene {
     }
 
     /// Times of frames.
-    pub(in crate::sim) fn timeline(&self) -> Timeline {
+    pub(crate) fn timeline(&self) -> Timeline {
         Timeline { fps: f64::from(self.fps), first: self.frames.first().0 }
     }
 

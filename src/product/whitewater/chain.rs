@@ -82,15 +82,17 @@ impl<'a> Chain<'a> {
         frames.retain(|(index, _)| *index <= last);
         let cached = scene.frame_keys();
         let settings = serde_json::to_string(&params.simulated()).expect("parameters are plain data");
-        let mut key =
-            xxh3_64(format!("whitewater {WHITEWATER_VERSION} {:016x} {settings}", cached.own()).as_bytes());
+        let walls = Walls::new(&scene.surroundings(), &scene.force, scene.timeline());
+        // Their parameters are in the key of the liquid.
+        let forces = if walls.has_forces() { " forces 1" } else { "" };
+        let text = format!("whitewater {WHITEWATER_VERSION} {:016x} {settings}{forces}", cached.own());
+        let mut key = xxh3_64(text.as_bytes());
         let mut keys = Vec::with_capacity(frames.len());
         for (index, _) in &frames {
             key = xxh3_64(format!("{key:016x} {index}").as_bytes());
             keys.push(key);
         }
         let domain = scene.domain_of_whitewater();
-        let walls = Walls::new(&scene.surroundings());
         let (first, fps) = (f64::from(scene.frames.first().0), f64::from(scene.fps));
         let (state, liquid) = (None, None);
         Ok(Self { frames, keys, folder, cached, params, walls, domain, first, fps, request, state, liquid })

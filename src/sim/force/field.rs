@@ -56,6 +56,10 @@ pub(in crate::sim) struct Sample {
     pub(in crate::sim) rate: f32,
     /// Sum of the rates times their velocities [m/s²].
     pub(in crate::sim) pull: Vec3,
+    /// Sum of the parts of drags that act here, whatever their rates: factor times window [1].
+    part: f32,
+    /// Sum of these parts times the velocities of the drags [m/s].
+    wind: Vec3,
 }
 
 /// What is the same for all points in a substep.
@@ -217,8 +221,11 @@ impl PlacedForce<'_> {
                 }
             }
             ForceKind::Drag { rate, velocity } => {
+                let velocity = self.to_world(Vec3::from(*velocity));
                 out.rate += rate * weight;
-                out.pull += self.to_world(Vec3::from(*velocity)) * (rate * weight);
+                out.pull += velocity * (rate * weight);
+                out.part += weight;
+                out.wind += velocity * weight;
             }
         }
     }
@@ -262,6 +269,11 @@ impl Sample {
             change *= longest / (speed * dt);
         }
         Kick { change, is_limited, acceleration: speed / dt }
+    }
+
+    /// Velocity of the air, if drags are of air that moves [m/s]: that of a drag where it acts whole, their mean where several do.
+    pub(in crate::sim) fn air_velocity(&self) -> Vec3 {
+        self.wind / self.part.max(1.0)
     }
 
     /// The velocity towards which drags pull [m/s].

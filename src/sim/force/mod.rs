@@ -22,7 +22,7 @@ pub(crate) mod report;
 mod tests;
 mod turbulence;
 
-pub(in crate::sim) use field::{Forces, KickedSubstep, Sample};
+pub(in crate::sim) use field::{Forces, KickedSubstep, Sample, Snapshot};
 pub use params::{ForceKind, ForceParams, StrengthKeyframe};
 pub(in crate::sim) use record::ChunkMaximum;
 pub use record::ForceRecord;

@@ -1,8 +1,9 @@
 //! Steps of whitewater between two cached frames of the liquid.
 //!
 //! *Method*: kinds follow from the number of neighbours in the liquid ([ihmsen12] §3.2): fewer than 6 is spray, more than 20 a bubble.
-//! The motion is the exact solution of v̇ = k (u − v) + a with a constant velocity u of the surrounding liquid (spray: air at rest)
-//! and a constant acceleration a, so that steps do not limit the drag.
+//! The motion is the exact solution of v̇ = k (u − v) + a with a constant velocity u of the surrounding liquid (spray: air, which is at
+//! rest where no drag of the preset moves it) and a constant acceleration a, so that steps do not limit the drag.
+//! Forces on the liquid act on spray: their accelerations as they are, a drag K (U − v) with its own rate and as the air at U.
 //! *Departs from the paper*: the lives of all kinds end, each in its own time; a drop that enters the liquid within a step stays
 //! where it enters it.
 //!
@@ -11,7 +12,7 @@
 use super::{
     emission::{Birth, births, expected},
     liquid::{Cloud, LiquidInterval},
-    params::{Kind, WhitewaterParams},
+    params::{Kind, KindParams, WhitewaterParams},
     state::{Particle, Whitewater, WhitewaterRecord},
     walls::{Contact, Mover, StepSolids, Walls},
 };
@@ -19,6 +20,7 @@ use crate::{
     control::CancelToken,
     math::{Vec3, elementary::exp},
     par,
+    sim::force::Snapshot,
 };
 use std::ops::ControlFlow;
 
@@ -70,7 +72,8 @@ pub(crate) fn advance(
         let places =
             Places { liquid, params, start: &start, solids: walls.step(time(from), time(from)), from };
         emit(state, &places, &born, &mut movers);
-        let motion = StepMotion { start, end, params, walls, domain, seconds: liquid.seconds(), to };
+        let forces = walls.forces.as_ref().map(|forces| forces.at(time(from)));
+        let motion = StepMotion { start, end, params, walls, forces, domain, seconds: liquid.seconds(), to };
         // Poses of solids are evaluated once a step; who is emitted in between moves from their pose at its start.
         let solids = walls.step(time(from), time(to));
         let fates = par::map_chunks(movers.len(), par::CHUNK, |range| {
@@ -214,6 +217,8 @@ struct StepMotion<'a> {
     end: Cloud,
     params: &'a WhitewaterParams,
     walls: &'a Walls,
+    /// The forces at the start of the step.
+    forces: Option<Snapshot<'a>>,
     domain: Option<[Vec3; 2]>,
     /// Length of the interval between the frames [s].
     seconds: f64,
@@ -226,13 +231,13 @@ impl StepMotion<'_> {
     fn moved(&self, mut particle: Particle, at: f64, solids: &StepSolids) -> (Moved, Fate) {
         let dt = ((self.to - at) * self.seconds) as f32;
         let kind = self.params.kind(particle.kind);
-        let (u, a) = match particle.kind {
-            Kind::Spray => (Vec3::zeros(), self.walls.gravity * (1.0 - kind.buoyancy)),
+        let (u, a, k) = match particle.kind {
+            Kind::Spray => self.in_air(particle.x, &kind),
             Kind::Foam | Kind::Bubble => {
-                (self.start.velocity(particle.x), -self.walls.gravity * kind.buoyancy)
+                (self.start.velocity(particle.x), -self.walls.gravity * kind.buoyancy, kind.drag)
             }
         };
-        let (target, v) = relaxed(particle.x, particle.v, u, a, kind.drag, dt);
+        let (target, v) = relaxed(particle.x, particle.v, u, a, k, dt);
         let radius = CLEARANCE * self.start.spacing();
         let mut mover = Mover { x: particle.x, v, radius };
         let contact = Walls::advance(solids, &mut mover, target);
@@ -254,6 +259,17 @@ impl StepMotion<'_> {
             _ => Fate::Moved,
         };
         (Moved { particle, touched: contact != Contact::None }, fate)
+    }
+
+    /// Velocity that a drop at `x` relaxes to, its acceleration besides, and the rate.
+    fn in_air(&self, x: Vec3, kind: &KindParams) -> (Vec3, Vec3, f32) {
+        let gravity = self.walls.gravity * (1.0 - kind.buoyancy);
+        let Some(forces) = &self.forces else { return (Vec3::zeros(), gravity, kind.drag) };
+        let sample = forces.sample(x);
+        let rate = kind.drag + sample.rate;
+        let pull = sample.air_velocity() * kind.drag + sample.pull;
+        let velocity = if rate > 0.0 { pull / rate } else { Vec3::zeros() };
+        (velocity, gravity + forces.uniform + sample.acceleration, rate)
     }
 
     /// The first place in the liquid on the path of a drop; its end if there is none, or the liquid has reached its start.

@@ -13,12 +13,13 @@ use crate::{
     control::CancelToken,
     frame::{Stream, StreamKind},
     math::Vec3,
+    sim::{Timeline, World, force::ForceParams},
 };
 
 const SPACING: f32 = 0.05;
 
 fn walls(gravity: Vec3) -> Walls {
-    Walls { solids: Vec::new(), gravity }
+    Walls { solids: Vec::new(), gravity, forces: None }
 }
 
 /// A cube of n³ particles around the origin, those that `is_in` accepts.
@@ -169,9 +170,23 @@ fn emission_has_its_rate_and_depends_on_neither_frames_nor_steps() {
 
 /// Where a particle is after a second in a liquid that moves with a velocity.
 fn after_a_second(x: Vec3, kind: Kind, u: Vec3, change: impl Fn(&mut WhitewaterParams)) -> Particle {
+    under_forces(x, kind, u, change, "")
+}
+
+/// The same under forces.
+fn under_forces(
+    x: Vec3,
+    kind: Kind,
+    u: Vec3,
+    change: impl Fn(&mut WhitewaterParams),
+    forces: &str,
+) -> Particle {
     let mut params = WhitewaterParams { amount: 0.0, ..WhitewaterParams::default() };
     change(&mut params);
-    let walls = walls(Vec3::new(0.0, 0.0, -9.81));
+    let forces: Vec<ForceParams> =
+        forces.split(';').filter(|one| !one.is_empty()).map(|one| toml::from_str(one).unwrap()).collect();
+    let world = World { gravity: Vec3::new(0.0, 0.0, -9.81), solids: Vec::new() };
+    let walls = Walls::new(&world, &forces, Timeline { fps: 24.0, first: 0 });
     let rates = Rates::new(&params, &walls);
     let block = cube(17, |_| true);
     let mut state = Whitewater::default();
@@ -210,6 +225,33 @@ fn drops_fall_bubbles_rise_and_foam_floats_at_their_terminal_velocities() {
     assert_eq!(foam.kind, Kind::Foam);
     assert!((foam.v - u).norm() < 1e-3, "{}", foam.v);
     assert!((foam.age - 1.0).abs() < 1e-5);
+}
+
+#[test]
+fn forces_on_the_liquid_act_on_spray_and_wind_is_its_air() {
+    let high = Vec3::new(0.0, 0.0, 10.0);
+    let drop = |drag: f32, forces: &str| {
+        let set = |params: &mut WhitewaterParams| params.spray.drag = drag;
+        under_forces(high, Kind::Spray, Vec3::zeros(), set, forces).v
+    };
+    let wind = "kind = { drag = { rate = 0.5, velocity = [8, 0, 0] } }";
+    // v = U (1 − e^(−(k + K) t)), falling at g/(k + K).
+    let v = drop(20.0, wind);
+    assert!((v - Vec3::new(8.0, 0.0, -9.81 / 20.5)).norm() < 1e-3, "{v}");
+    let slow = drop(0.0, wind);
+    assert!((slow.x - 8.0 * (1.0 - (-0.5_f32).exp())).abs() < 1e-4, "{slow}");
+    // Two winds are one; half a wind moves the air half as fast.
+    assert!((drop(20.0, &format!("{wind};{wind}")).x - 8.0).abs() < 1e-3);
+    let half = drop(20.0, &format!("strength_keyframes = [{{ frame = 0, factor = 0.5 }}]\n{wind}"));
+    assert!((half.x - (20.0 * 4.0 + 0.25 * 8.0) / 20.25).abs() < 1e-3, "{half}");
+    let pushed = drop(0.0, "kind = { uniform = { acceleration = [3, 0, 0] } }");
+    assert!((pushed - Vec3::new(3.0, 0.0, -9.81)).norm() < 1e-4, "{pushed}");
+    let far = drop(20.0, &format!("shape = {{ sphere = {{ center = [0, 0, 0], radius = 1 }} }}\n{wind}"));
+    let sheets = drop(20.0, &format!("systems = ['sheets']\n{wind}"));
+    assert!(far.x == 0.0 && sheets.x == 0.0, "{far} {sheets}");
+    let still = Vec3::new(0.01, 0.02, 0.43);
+    let foam = under_forces(still, Kind::Foam, Vec3::zeros(), |_| {}, wind);
+    assert!(foam.v.x.abs() < 1e-3, "foam moves with the liquid: {}", foam.v);
 }
 
 #[test]

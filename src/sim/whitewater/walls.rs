@@ -1,11 +1,14 @@
-//! Solids around whitewater: no particle passes through one.
+//! Solids around whitewater, through which no particle passes, and what accelerates it.
 //!
 //! *Method*: the path of a particle relative to a solid is traced through the solid's signed distance (sphere tracing), stops
 //! at the surface and slides on along it. What is inside in the end is projected out. The normal velocity into the solid is removed.
 
 use crate::{
     math::Vec3,
-    sim::World,
+    sim::{
+        Timeline, World,
+        force::{ForceParams, Forces},
+    },
     solid::{Pose, Shape, Solid},
 };
 use std::borrow::Cow;
@@ -23,11 +26,13 @@ const GRAZING: f32 = 1e-4;
 /// Most projections out of all solids; a particle that is then still inside is between two of them.
 const MAX_PROJECTIONS: usize = 6;
 
-/// Solids and gravity of a shot.
+/// Solids, gravity and forces of a shot.
 #[derive(Clone, Debug)]
 pub(crate) struct Walls {
     pub(super) solids: Vec<Solid>,
     pub(super) gravity: Vec3,
+    /// Those that act on the liquid act on its spray.
+    pub(super) forces: Option<Forces>,
 }
 
 /// A particle that moves.
@@ -67,9 +72,15 @@ pub(super) struct StepSolids<'a> {
 }
 
 impl Walls {
-    /// The solids of a world.
-    pub(crate) fn new(world: &World) -> Self {
-        Self { solids: world.solids.clone(), gravity: world.gravity }
+    /// Solids and gravity of a world, and the forces on its liquid.
+    pub(crate) fn new(world: &World, forces: &[ForceParams], timeline: Timeline) -> Self {
+        let forces = Forces::on("liquid", forces, timeline);
+        Self { solids: world.solids.clone(), gravity: world.gravity, forces }
+    }
+
+    /// Whether forces act on spray.
+    pub(crate) fn has_forces(&self) -> bool {
+        self.forces.is_some()
     }
 
     /// The solids at a time since the shot's start [s].
@@ -216,7 +227,7 @@ mod tests {
 
     fn walls(shapes: &[Shape]) -> Walls {
         let solids = shapes.iter().cloned().map(Solid::fixed).collect();
-        Walls { solids, gravity: Vec3::zeros() }
+        Walls { solids, gravity: Vec3::zeros(), forces: None }
     }
 
     #[test]

@@ -383,6 +383,10 @@ def check_sheets(folder: Path) -> None:
     region.meniscus.region_of, region.rotation_euler.z = None, 0.4
     other.location.x = 1.1
     refused("an exact joint of points that are apart", "Cloth", "0.1 m apart", "Stiffness")
+    joints = scene_module("joints")
+    joints.MAX_DISTANCES, limit = 1000, joints.MAX_DISTANCES
+    refused("a joint of groups that are too large", "Cloth", "41 points", "seam")
+    joints.MAX_DISTANCES = limit
     role.joint.use_stiffness, role.joint.stiffness, role.joint.use_release, role.joint.release = True, 50.0, True, 3
     data, _ = write(scene, "a joint of springs, and a region of all sheets")
     joint = data["sheets"]["joint"][0]

@@ -8,6 +8,8 @@ from .sample import Sampled, members
 
 # Points that an exact joint holds together are at most this far apart [m]: rounding of places in single precision.
 COINCIDENT = 1e-5
+# Distances between two groups that are compared: 128 MB of them.
+MAX_DISTANCES = 1 << 24
 
 
 def placed(each: Sampled) -> np.ndarray:
@@ -23,6 +25,9 @@ def pairs(each: Sampled, other: Sampled) -> tuple[list[int], list[int], float]:
     theirs = members(other, role.joint_other_points, f"the joint of {printable(each.source.name)}")
     if each is other and set(own) & set(theirs):
         raise ShotError(f"{printable(each.source.name)}: a point is in both vertex groups of its joint. Use groups without a common point")
+    if len(own) * len(theirs) > MAX_DISTANCES:
+        text = f"its joint pairs a group of {len(own)} points with one of {len(theirs)}, more than can be compared. Choose the points of a seam alone"
+        raise ShotError(f"{printable(each.source.name)}: {text}")
     distances = np.linalg.norm(placed(each)[own][:, None] - placed(other)[theirs][None], axis=2)
     found: list[tuple[int, int]] = []
     rows, columns, largest = set(range(len(own))), set(range(len(theirs))), 0.0
