@@ -173,7 +173,7 @@ fn after_a_second(x: Vec3, kind: Kind, u: Vec3, change: impl Fn(&mut WhitewaterP
     under_forces(x, kind, u, change, "")
 }
 
-/// The same under forces.
+/// Where a particle is after a second in a liquid that moves with a velocity, under forces.
 fn under_forces(
     x: Vec3,
     kind: Kind,
