@@ -22,13 +22,20 @@ pub(crate) fn printable_path(path: &Path) -> String {
     printable(&text).into_owned()
 }
 
-/// An argument as the system's shells take it: in quotes where it needs them.
+/// An argument as the system's shell takes it, in quotes where it needs them: sh, and on Windows cmd.
 pub(crate) fn shell_word(text: &str) -> String {
-    let plain = if cfg!(windows) { "._=%+-/\\:" } else { "._=%+-/" };
+    quoted(text, cfg!(windows))
+}
+
+fn quoted(text: &str, is_windows: bool) -> String {
+    let plain = if is_windows { "._=%+-/\\:" } else { "._=%+-/" };
     if !text.is_empty() && text.chars().all(|c| c.is_ascii_alphanumeric() || plain.contains(c)) {
         text.into()
-    } else if cfg!(windows) {
-        format!("\"{}\"", text.replace('"', "\\\""))
+    } else if is_windows {
+        // Programs there take backslashes before a quotation mark in pairs.
+        let inner = text.replace('"', "\\\"");
+        let last = inner.len() - inner.trim_end_matches('\\').len();
+        format!("\"{inner}{}\"", "\\".repeat(last))
     } else {
         format!("'{}'", text.replace('\'', "'\\''"))
     }
@@ -65,14 +72,15 @@ mod tests {
 
     #[test]
     fn arguments_survive_a_shell() {
-        assert_eq!(shell_word("liquid.density_dev=0.3%"), "liquid.density_dev=0.3%");
-        let [list, quote, empty] = ["a=[0, 1]", "a=it's", ""].map(shell_word);
-        if cfg!(windows) {
-            assert_eq!([list, quote, empty], ["\"a=[0, 1]\"", "\"a=it's\"", "\"\""]);
-            assert_eq!(shell_word("a=\"b\""), "\"a=\\\"b\\\"\"");
-        } else {
-            assert_eq!([list, quote, empty], ["'a=[0, 1]'", r"'a=it'\''s'", "''"]);
+        for is_windows in [false, true] {
+            assert_eq!(quoted("liquid.density_dev=0.3%", is_windows), "liquid.density_dev=0.3%");
         }
+        let words = ["a=[0, 1]", "a=it's", "", r"C:\shots", r"C:\my shots\", "a=\"b\""];
+        let expected = ["'a=[0, 1]'", r"'a=it'\''s'", "''", r"'C:\shots'", r"'C:\my shots\'", "'a=\"b\"'"];
+        assert_eq!(words.map(|word| quoted(word, false)), expected);
+        let expected =
+            ["\"a=[0, 1]\"", "\"a=it's\"", "\"\"", r"C:\shots", r#""C:\my shots\\""#, r#""a=\"b\"""#];
+        assert_eq!(words.map(|word| quoted(word, true)), expected);
     }
 
     #[test]

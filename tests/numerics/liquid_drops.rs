@@ -54,7 +54,7 @@ fn drops_of_a_few_particles_stay_together() {
     for (radius, support) in [(1.5, 2.0), (2.0, 2.0), (2.0, 2.5)] {
         let text = format!(
             "spacing = {spacing}\nkernel_radius = {support}\nsurface_tension = {{ coefficient = 0.072 }}\n\
-             [[source]]\nshape = {{ sphere = {{ center = [0, 0, 1], radius = {} }} }}",
+             [[source]]\nshape = {{ sphere = {{ center = [0, 0, 0], radius = {} }} }}",
             radius * spacing
         );
         let gravity = Vec3::new(0.0, 0.0, -9.81);
@@ -74,8 +74,8 @@ fn drops_of_a_few_particles_stay_together() {
         let v = channel(&state(&simulation), "velocity");
         let mean = v.iter().sum::<Vec3>() / v.len() as f32;
         let expected = gravity * (60.0 / fps) as f32;
-        // Positions a metre from the origin are rounded to 0.06 µm in each of 480 substeps.
-        assert!((mean - expected).norm() < 4e-3, "{mean:?}, expected {expected:?}");
+        // Corrections of positions a metre from the origin are rounded by 2 mm/s in all.
+        assert!((mean - expected).norm() < 2e-3, "{mean:?}, expected {expected:?}");
     }
 }
 

@@ -1,7 +1,8 @@
 //! The accelerated solver: projected Jacobi iterations with momentum and a warm start.
 //!
-//! *Method*: the substep is a complementarity problem: find pressures κ ≥ 0 that leave no compression, with κ = 0 where
-//! the liquid is below rest density; inside the liquid κ may be a little below zero (docs/decisions/040). Its projected Jacobi iteration is κ ← max(0, κ + ω C/D), with the paper's
+//! *Method*: the substep is a complementarity problem: find pressures κ ≥ κ₀ that leave no compression, with κ = κ₀ where
+//! the liquid is below rest density. κ₀ is 0 at surfaces and solids, and a little below inside of the liquid, which bears tension
+//! (docs/decisions/040). Its projected Jacobi iteration is κ ← max(κ₀, κ + ω C/D), with the paper's
 //! denominator D ([pbf] Eq. 11). [nesterov83]'s momentum extrapolates κ; it restarts whenever it points uphill
 //! ([odonoghue15] section 3.2, gradient scheme). Changes of κ move particles as the paper's λ does (Eq. 12), with
 //! gradients at the positions that [`Directions`] names. A substep starts from a part of the last one's final pressures.
@@ -44,8 +45,8 @@ const RELAXATION_REDUCTION: f32 = 0.7;
 const MIN_RELAXATION: f32 = 0.1;
 
 /// Tensile strength of the liquid: largest −p/ρ₀ over the acceleration of gravity and forces times the spacing [1]. Liquid that falls faster
-/// at its lower end is stretched; with 0 it dilates, and tears into rings (docs/decisions/040). With 20 a thin jet tears into rags. The
-/// paper's kernels bear none: with it, a falling block has 380 shortened corrections.
+/// at its lower end is stretched; with 0 it dilates, and tears into rings. With 20 a thin jet tears into rags. The paper's kernels bear
+/// none.
 const TENSILE_STRENGTH: f32 = 4.0;
 
 /// Errors below this are rounding errors, and their growth is ignored. If larger, a growing mode is detected an iteration
@@ -67,6 +68,8 @@ pub(super) struct Momentum {
     dt: f32,
     /// p/ρ₀ that counts as that of the substep before the first of a frame [m²/s²].
     first_pressure: f32,
+    /// Tensile strength in this substep [m²].
+    tension: f32,
     /// Part of the last pressures with which a substep starts.
     warm_start: f32,
     /// Whether the frame has had a substep.
@@ -149,6 +152,11 @@ impl Momentum {
         true
     }
 
+    /// Tensile strength in this substep [m²].
+    pub(super) fn tension(&self) -> f32 {
+        self.tension
+    }
+
     /// ω of this substep.
     pub(super) fn relaxation(&self) -> f32 {
         self.relaxation
@@ -171,11 +179,12 @@ impl Momentum {
             Kernel::Wendland => TENSILE_STRENGTH,
             Kernel::Poly6Spiky => 0.0,
         };
+        self.tension = strength * body_acceleration * rest.spacing * self.dt * self.dt;
         let step = AcceleratedUpdate {
             beta,
             relaxation: self.relaxation,
             smallest: setup.lower_bound(),
-            tension: strength * body_acceleration * rest.spacing * self.dt * self.dt,
+            tension: self.tension,
         };
         let residual = if first {
             solver.evaluate::<true>(setup, &step)

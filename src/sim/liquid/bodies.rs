@@ -2,8 +2,8 @@
 
 use super::{
     Clock, Diverged, Liquid, LiquidRecord, Partners, SolverKind,
-    accelerated::Momentum,
     rigid::{RigidContact, is_pushed},
+    rigid_pressure::YieldStep,
     setup,
     solve::Directions,
 };
@@ -97,9 +97,13 @@ impl Liquid {
         let Self { solver, momentum, params, walls, rest, .. } = self;
         clock.time("bodies", || {
             let is_accelerated = params.solver == SolverKind::Accelerated;
-            let relaxation = if is_accelerated { Momentum::relaxation(momentum) } else { 1.0 };
-            let smallest = setup(params, rest, walls).lower_bound();
-            solver.yield_to_rigid_bodies(bodies.bodies(), self.mass, [relaxation, smallest], is_accelerated);
+            let step = YieldStep {
+                relaxation: if is_accelerated { momentum.relaxation() } else { 1.0 },
+                smallest: setup(params, rest, walls).lower_bound(),
+                tension: if is_accelerated { momentum.tension() } else { 0.0 },
+                is_accumulating: is_accelerated,
+            };
+            solver.yield_to_rigid_bodies(bodies.bodies(), self.mass, &step);
         });
     }
 

@@ -31,15 +31,15 @@ pub(super) struct RestState {
     pub(super) wall_shift: f32,
     /// Density that the outermost layer of the seeding lattice lacks at a flat free surface, over ρ₀.
     pub(super) surface_deficit: f32,
-    /// 1 over the deficit from which a particle bears no tension [1].
-    pub(super) inv_tension_free_deficit: f32,
+    /// 1 over the deficit, or density of solids, from which a particle bears no tension [1].
+    pub(super) inv_tension_free: f32,
     /// Factor from |∇_i C_i|² to the density that a particle lacks, until that is [`Self::surface_deficit`] [m²].
     pub(super) surface_deficit_scale: f32,
 }
 
 /// Density that a particle lacks at the free surface, or has from solids, over the former at a flat surface, from which it bears no
-/// tension. Particles of the surface do not pull each other into pairs, and liquid does not stick to solids.
-const TENSION_FREE_DEFICIT: f64 = 0.3;
+/// tension: surface particles do not pair, and liquid does not stick to solids.
+const TENSION_FREE_RATIO: f64 = 0.3;
 
 /// |∇_i C_i|² from which the deficit is that of a flat surface, over that of the outermost layer of the seeding lattice. The
 /// deficit's own gradient is not part of the corrections, which therefore do work when it changes. With a constant deficit
@@ -80,7 +80,7 @@ impl RestState {
             rest_gradient2: (gradient_scale * gradient_scale * gradient2) as f32,
             wall_shift: 0.0,
             surface_deficit: surface_deficit as f32,
-            inv_tension_free_deficit: (1.0 / (TENSION_FREE_DEFICIT * surface_deficit)) as f32,
+            inv_tension_free: (1.0 / (TENSION_FREE_RATIO * surface_deficit)) as f32,
             surface_deficit_scale: (surface_deficit
                 / (FLAT_SURFACE_GRADIENT2 * (gradient_scale * surface_gradient).powi(2)))
                 as f32,

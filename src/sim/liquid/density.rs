@@ -4,7 +4,8 @@
 //! particles are reduced and their multipliers updated together, so that every step is vectorised.
 //! *Departs from the paper*: under the compression constraint, C includes the density that a particle lacks at the free
 //! surface, so that surface particles resist clustering as those of the bulk do (see [`surface_deficit`]).
-//! Symbols: ρ_i/ρ₀ → `ratio` [1]; part of C that stays → `retained` [1]; κ, λ → see [`Multiplier`] [m²].
+//! Symbols: ρ_i/ρ₀ → `ratio` [1]; part of C that stays → `retained` [1]; part of the tensile strength that a particle bears →
+//! `tensile_part` [1]; κ, λ → see [`Multiplier`] [m²].
 
 use super::{
     Constraint,
@@ -186,16 +187,19 @@ impl<D: MultiplierUpdate, const GRADIENTS: bool> NeighbourPass for DensityPass<'
                 },
             };
             let lacking: L = if GRADIENTS { L::load(&densities.deficit) } else { read(deficit, first) };
-            let inside: L =
-                if GRADIENTS { L::load(&densities.tensile_part) } else { read(tensile_part, first) };
             let retained = if retained.is_empty() { L::splat(0.0) } else { read(retained, first) };
+            // Pinned particles, of which everything is retained, bear none.
+            let tension: L = if GRADIENTS {
+                L::splat(0.0).max(L::load(&densities.tensile_part) - retained)
+            } else {
+                read(tensile_part, first)
+            };
             let ratio_with_deficit = L::load(&densities.ratio) + lacking - retained;
-            let (after, found) =
-                update.update(ratio_with_deficit, L::splat(0.0).max(inside - retained), before);
+            let (after, found) = update.update(ratio_with_deficit, tension, before);
             partial.add(found, count);
             write(ratio, first, L::load(&densities.ratio));
             write(deficit, first, lacking);
-            write(tensile_part, first, inside);
+            write(tensile_part, first, tension);
             write(multiplier.lambda, first, after.lambda);
             write(multiplier.applied, first, after.applied);
             write(multiplier.last, first, after.last);
@@ -315,9 +319,42 @@ fn densities<L: Lanes, P: Pair, const GRADIENTS: bool>(
             let all = own_gradient.norm_squared() + g * g * gradient2[k]; // Σ_k |∇_k C_i|²
             out.denominator[k] = setup.denominator(all);
             out.deficit[k] = surface_deficit(setup, own_gradient.norm_squared(), boundary[k].0);
-            out.tensile_part[k] =
-                (1.0 - (out.deficit[k] + boundary[k].0) * rest.inv_tension_free_deficit).max(0.0);
+            out.tensile_part[k] = (1.0 - (out.deficit[k] + boundary[k].0) * rest.inv_tension_free).max(0.0);
         }
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        sim::liquid::{Kernel, calibration::RestState, jacobi, solve::Solver, walls::Walls},
+        solid::{Shape, Solid},
+    };
+
+    #[test]
+    fn the_liquid_bears_tension_inside_and_none_at_its_surface_or_at_solids() {
+        for kernel_radius in [2.0, 2.5] {
+            let rest = RestState::new(Kernel::Wendland, 0.02, kernel_radius);
+            let floor = Shape::Plane { point: [0.0, 0.0, -0.01], normal: [0.0, 0.0, 1.0] };
+            let walls = Walls::new(&[Solid::fixed(floor)], &rest);
+            let constraint = Constraint::Compression;
+            let setup = SolverSetup { rest: &rest, walls: &walls, constraint, softening: 0.0 };
+            let position = |k: u32| Vec3::new((k % 9) as f32, (k / 9 % 9) as f32, (k / 81) as f32) * 0.02;
+            let mut solver = Solver::default();
+            solver.p = (0..729).map(position).collect();
+            solver.find_cells(&rest).expect("no crowd");
+            solver.build_lists(&setup);
+            jacobi::evaluate(&mut solver, &setup);
+            let part = |layer: usize| solver.tensile_part[4 + 9 * 4 + 81 * layer];
+            let parts: Vec<f32> = (0..9).map(part).collect();
+            assert!(part(0) == 0.0 && part(8) == 0.0, "{kernel_radius}: {parts:?}");
+            assert!((3..6).all(|layer| part(layer) > 0.95), "{kernel_radius}: {parts:?}");
+            // Everything of a pinned particle is retained.
+            solver.retained = vec![1e6; 729];
+            jacobi::evaluate(&mut solver, &setup);
+            assert!(solver.tensile_part.iter().all(|&part| part == 0.0));
+        }
+    }
 }

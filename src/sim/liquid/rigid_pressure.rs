@@ -13,6 +13,18 @@ use crate::{math::Vec3, par, solid::RigidBody};
 /// Distance that a body may move, as a fraction of the skin of the neighbour lists, before the particles at it are searched again.
 const BODY_SKIN: f32 = 1.0;
 
+/// An iteration whose pressures bodies yield to.
+pub(super) struct YieldStep {
+    /// ω of the iteration.
+    pub(super) relaxation: f32,
+    /// Lower bound of κ at surfaces, or of changes of the Jacobi solver [m²].
+    pub(super) smallest: f32,
+    /// How far κ inside the liquid may be below that [m²].
+    pub(super) tension: f32,
+    /// Whether κ is the sum of its changes.
+    pub(super) is_accumulating: bool,
+}
+
 impl Solver {
     /// Finds the distances from solids of the particles that are `chosen` by their positions, and the particles near rigid bodies, where the
     /// lists were built.
@@ -81,19 +93,14 @@ impl Solver {
         self.rigid.is_sampled = true;
     }
 
-    /// Reduces the changes of pressure near bodies by what the bodies yield to them, before particles are moved. `relaxation` is the ω of the
-    /// iteration, `smallest` the lower bound of κ, or of changes of the Jacobi solver.
-    pub(super) fn yield_to_rigid_bodies(
-        &mut self,
-        bodies: &[RigidBody],
-        mass: f64,
-        [relaxation, smallest]: [f32; 2],
-        is_accumulating: bool,
-    ) {
-        let Self { rigid, multipliers, nodes, .. } = self;
+    /// Reduces the changes of pressure near bodies by what the bodies yield to them, before particles are moved.
+    pub(super) fn yield_to_rigid_bodies(&mut self, bodies: &[RigidBody], mass: f64, step: &YieldStep) {
+        let &YieldStep { relaxation, smallest, tension, is_accumulating } = step;
+        let Self { rigid, multipliers, nodes, tensile_part, .. } = self;
+        let lower_bound = |i: usize| smallest - tension * tensile_part[i];
         let Multiplier { lambda, applied, last, denominator } = &mut multipliers.0;
         let (pairs, change, total, diagonal) = (&rigid.pairs, &*lambda, &*applied, &*denominator);
-        let is_active = |i: usize| !is_accumulating || total[i] > smallest;
+        let is_active = |i: usize| !is_accumulating || total[i] > lower_bound(i);
         let add = |k: usize, sums: &mut [BodySystem]| {
             let Pair { particle, body, x, solids, .. } = pairs[k];
             let (i, body) = (particle as usize, body as usize);
@@ -112,15 +119,15 @@ impl Solver {
         });
         for &Pair { particle, gives, .. } in &rigid.pairs {
             let i = particle as usize;
-            if gives == 0.0 || (is_accumulating && applied[i] <= smallest) {
+            if gives == 0.0 || (is_accumulating && applied[i] <= lower_bound(i)) {
                 continue;
             }
             let less = relaxation * gives / denominator[i];
             if is_accumulating {
-                let reduced = (applied[i] - less).max(smallest);
+                let reduced = (applied[i] - less).max(lower_bound(i));
                 lambda[i] += applied[i] - reduced;
                 applied[i] = reduced;
-                last[i] = (last[i] - less).max(smallest);
+                last[i] = (last[i] - less).max(lower_bound(i));
             } else {
                 lambda[i] = (lambda[i] + less).min(-smallest);
             }

@@ -80,8 +80,8 @@ pub(super) struct Solver {
     pub(super) ratio: Vec<f32>,
     /// Density that the free surface lacks, over ρ₀.
     deficit: Vec<f32>,
-    /// 1 inside the liquid, 0 at its surface and at solids.
-    tensile_part: Vec<f32>,
+    /// Part of the tensile strength that a particle bears: 1 inside the liquid, 0 at its surface and at solids.
+    pub(super) tensile_part: Vec<f32>,
     /// Part of each C that this substep does not correct; empty: none.
     pub(super) retained: Vec<f32>,
     /// Lagrange multipliers.

@@ -48,12 +48,17 @@ fn why_gained(liquid: &LiquidParams) -> String {
     }
     match liquid.constraint {
         Constraint::Compression => {
-            let tension =
-                if liquid.surface_tension.is_none() { "give the liquid a surface_tension, or " } else { "" };
-            format!(
-                "nothing holds films and jets together that are a few particles thick; {tension}lower liquid.spacing ({} m)",
-                liquid.spacing
-            )
+            let spacing = liquid.spacing;
+            if liquid.surface_tension.is_none() {
+                format!(
+                    "nothing holds films and jets together that are a few particles thick; give the liquid a surface_tension, or \
+                     lower liquid.spacing ({spacing} m)"
+                )
+            } else {
+                format!(
+                    "films and jets of a few particles are too coarse; lower liquid.spacing ({spacing} m)"
+                )
+            }
         }
         Constraint::Equality => more_iterations(liquid),
     }
@@ -141,7 +146,7 @@ mod tests {
             (
                 |l| l.surface_tension = Some(SurfaceTension::default()),
                 &gained,
-                "thick; lower liquid.spacing (0.1 m)",
+                "too coarse; lower liquid.spacing (0.1 m)",
             ),
             (|l| l.artificial_pressure = Some(ArtificialPressure::default()), &gained, "strength (0.1)"),
             (
