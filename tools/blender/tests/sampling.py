@@ -16,6 +16,8 @@ from results import drawn
 from scenes import scene_module, wait
 
 LAST = 40
+# An interruption of sampling.
+NOT_FINITE = "a location that is NaN"
 
 
 class Sampled:
@@ -139,7 +141,8 @@ def check_modal(folder: Path) -> None:
     with Sampled() as frames:
         answer = pressed.invoke(context, event("LEFTMOUSE"))
         check(answer == {"RUNNING_MODAL"} and len(set(frames)) == 1, "a button that writes the preset is modal after its first frame", (answer, frames))
-        check(not bpy.ops.meniscus.simulate.poll() and not bpy.ops.meniscus.write.poll(), "no second button works meanwhile")
+        works = [name for name in ("simulate", "write", "show") if getattr(bpy.ops.meniscus, name).poll()]
+        check(not works, "no second button works meanwhile", works)
         check(pressed.modal(context, event("MOUSEMOVE")) == {"RUNNING_MODAL"} and len(set(frames)) == 1, "other events sample nothing, and change nothing")
         check(not path.exists(), "no preset is written yet")
         while answer == {"RUNNING_MODAL"} and ticks < 10 * LAST:
@@ -158,7 +161,7 @@ def check_modal(folder: Path) -> None:
 
 def check_cancelled(folder: Path) -> None:
     """Esc, an undo, a removed object, and an error in a frame end the sampling without a trace."""
-    for name in ("Esc", "undo", "a save", "a removed object", "a frame without a mesh"):
+    for name in ("Esc", "undo", "a save", "a removed object", "a longer frame range", "another frame rate", "another unit scale", NOT_FINITE):
         scene, context = moving_pool(folder / name), bpy.context
         before, path = state(scene), folder / name / "meniscus" / "scene.toml"
         pressed = button(scene_module("operators").MENISCUS_OT_write)
@@ -168,7 +171,7 @@ def check_cancelled(folder: Path) -> None:
         answer = interrupt(name, pressed)
         check(answer == {"CANCELLED"}, f"{name} cancels", answer)
         is_reported = any(kind in ("WARNING", "ERROR") and "sampled" in text for kind, text in pressed.reports)
-        check(is_reported or name == "a frame without a mesh", f"{name} is reported", pressed.reports)
+        check(is_reported or name == NOT_FINITE, f"{name} is reported", pressed.reports)
         if name != "a removed object":
             check(state(scene) == before, f"{name}: frame and hidden objects are as before", (state(scene), before))
         check(scene.frame_current == 7 and not path.exists(), f"{name}: nothing is written", scene.frame_current)
@@ -186,6 +189,12 @@ def interrupt(name: str, pressed) -> set[str]:
         bpy.ops.wm.save_mainfile()
     elif name == "a removed object":
         bpy.data.objects.remove(bpy.data.objects["Pool"])
+    elif name == "a longer frame range":
+        bpy.context.scene.frame_end += 10
+    elif name == "another frame rate":
+        bpy.context.scene.render.fps += 1
+    elif name == "another unit scale":
+        bpy.context.scene.unit_settings.scale_length = 0.5
     else:
         bpy.data.objects["Collider"].location.z = float("nan")
         bpy.data.objects["Collider"].animation_data_clear()

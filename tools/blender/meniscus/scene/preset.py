@@ -37,6 +37,37 @@ class Written:
     removed: list[str]
     # Names of run.py for what can be shown while it is simulated.
     products: set[str]
+    # Start, end and step.
+    frames: list[int]
+
+
+@dataclass(frozen=True)
+class TimeAndUnits:
+    """Frame range, frame rate and unit scale of a scene: read once, since all samples of a preset need the same."""
+
+    start: int
+    end: int
+    step: int
+    fps: float
+    scale: float
+
+    @classmethod
+    def of(cls, scene: bpy.types.Scene) -> "TimeAndUnits":
+        fps = float(scene.render.fps / scene.render.fps_base)
+        return cls(scene.frame_start, scene.frame_end, scene.frame_step, fps, scene.unit_settings.scale_length)
+
+
+def unchanged(steps: Generator[float, None, list[Sampled]], scene: bpy.types.Scene, expected: TimeAndUnits) -> Generator[float, None, list[Sampled]]:
+    """The steps of sampling. Raises ShotError if frame range, frame rate or unit scale changed since the start."""
+    while True:
+        if TimeAndUnits.of(scene) != expected:
+            finding = "frame range, step, frame rate or unit scale changed while frames were sampled"
+            raise ShotError(f"{printable(scene.name)}: {finding}; no file was written. Start again")
+        try:
+            part = next(steps)
+        except StopIteration as end:
+            return end.value
+        yield part
 
 
 def write(context: bpy.types.Context, takes_over: bool = False) -> Written:
@@ -52,33 +83,40 @@ def write(context: bpy.types.Context, takes_over: bool = False) -> Written:
 def writing(context: bpy.types.Context, takes_over: bool = False) -> Generator[float, None, Written]:
     """The same in steps of one frame, each of which yields the sampled part; nothing is written before the last. Closing it restores the scene."""
     notes: list[str] = []
-    frames = sample.frame_numbers(context.scene)
+    frames, units = sample.frame_numbers(context.scene), TimeAndUnits.of(context.scene)
     sources = sample.takes_part(context, notes)
     root = folder_of(context.scene)
     check_owner(context.scene, root, takes_over)
     folder = assets.Folder(root)
     folder.check_preset()
-    scale = context.scene.unit_settings.scale_length
     camera = context.scene.camera
     with sample.quiet(context, sources):
-        sampled = yield from sample.sample(context, sources + ([camera] if camera else []), frames, scale, notes)
+        steps = sample.sample(context, sources + ([camera] if camera else []), frames, units.scale, notes)
+        sampled = yield from unchanged(steps, context.scene, units)
         camera_samples = sampled.pop() if camera else None
-        writer = Writer(context.scene, sampled, camera_samples, scale, folder, notes)
+        writer = Writer(context.scene, units, sampled, camera_samples, folder, notes)
         text = writer.text()
     identity.mark(sampled, identity.Sources(root))
     owner = {"blend": blend_from(root), "scene": context.scene.name, "session": identity.session}
     path, removed = folder.finish(text, owner | {"objects": identity.entries(sampled)})
-    return Written(path, notes, removed, writer.products())
+    return Written(path, notes, removed, writer.products(), [units.start, units.end, units.step])
 
 
 class Writer:
     """Composes the text of one preset."""
 
     def __init__(
-        self, scene: bpy.types.Scene, sampled: list[Sampled], camera_samples: Sampled | None, scale: float, folder: assets.Folder, notes: list[str]
+        self,
+        scene: bpy.types.Scene,
+        units: TimeAndUnits,
+        sampled: list[Sampled],
+        camera_samples: Sampled | None,
+        folder: assets.Folder,
+        notes: list[str],
     ) -> None:
         self.scene, self.shot, self.camera_samples = scene, scene.meniscus, camera_samples
-        self.frames, self.scale, self.notes = sample.frame_numbers(scene), scale, notes
+        self.units, self.scale, self.notes = units, units.scale, notes
+        self.frames = list(range(units.start, units.end + 1, units.step))
         self.shaper = Shaper(folder, notes)
         self.folder = folder
         self.document = Document()
@@ -127,11 +165,10 @@ class Writer:
         document.comment("")
         document.comment(f"meniscus shot {assets.PRESET} --quality draft")
         document.blank()
-        first, last, step = self.frames[0], self.frames[-1], scene.frame_step
+        first, last, step = self.frames[0], self.frames[-1], self.units.step
         span = f"{first}-{last}" if last > first else f"{first}"
-        rate = scene.render.fps / scene.render.fps_base
         title = self.shot.title.strip() or scene.name
-        document.pairs({"title": title, "frames": span + (f"x{step}" if step > 1 and last > first else ""), "fps": float(rate)})
+        document.pairs({"title": title, "frames": span + (f"x{step}" if step > 1 and last > first else ""), "fps": self.units.fps})
         if scene.render.frame_map_old != scene.render.frame_map_new:
             self.notes.append("The scene's time stretching is left out: the shot runs at the frame rate")
 
@@ -379,7 +416,7 @@ class Writer:
 
     def surface(self) -> None:
         if self.has_liquid:
-            self.document.table("surface", surface_values(self.scene))
+            self.document.table("surface", surface_values(self.shot, self.scale))
         elif self.has_smoke:
             self.document.table("surface", SMOKE_SURFACE)
         if self.shot.use_whitewater and self.has_liquid:
@@ -449,10 +486,10 @@ class Writer:
             self.document.lines += [f"{key} = {toml.number(value)}" for key, value in values.items()]
 
 
-def surface_values(scene: bpy.types.Scene) -> Table:
+def surface_values(shot: bpy.types.PropertyGroup, scale: float) -> Table:
     """The table of the liquid's surface."""
-    values = settings.values(scene.meniscus.surface, "SurfaceParams", scene.unit_settings.scale_length)
-    return Table(COLOURED | values) if scene.meniscus.use_colours else values
+    values = settings.values(shot.surface, "SurfaceParams", scale)
+    return Table(COLOURED | values) if shot.use_colours else values
 
 
 def clean_vector(vector: np.ndarray) -> list[float]:
