@@ -52,6 +52,10 @@ def check_rest(folder: Path) -> None:
     cases = [("a scene at rest, whatever moves in it without a role", lambda: None, False)]
     cases.append(("the parent of a parent", lambda: parent(pool, parent(target, other)), True))
     cases.append(("a constraint", lambda: setattr(pool.constraints.new("COPY_LOCATION"), "target", other), True))
+    cases.append(("a constraint to nothing that moves", lambda: pool.constraints.new("LIMIT_LOCATION"), False))
+    cases.append(("a track of a movie clip", lambda: pool.constraints.new("FOLLOW_TRACK"), True))
+    cases.append(("a camera solver of a bone", lambda: parent(pool, rig()).parent.pose.bones[0].constraints.new("CAMERA_SOLVER"), True))
+    cases.append(("a metaball of the family", lambda: family(pool, other), True))
     cases.append(("a driver", lambda: drive(pool, other), True))
     cases.append(("a modifier with a time of its own", lambda: pool.modifiers.new("Wave", "WAVE"), True))
     cases.append(("a modifier", lambda: pool.modifiers.new("Bevel", "BEVEL"), False))
@@ -84,6 +88,28 @@ def rigid() -> bpy.types.Object:
     return each
 
 
+def rig() -> bpy.types.Object:
+    each = bpy.data.objects.new("Rig", bpy.data.armatures.new("Rig"))
+    bpy.context.collection.objects.link(each)
+    bpy.context.view_layer.objects.active = each
+    bpy.ops.object.mode_set(mode="EDIT")
+    each.data.edit_bones.new("Bone").tail = (0.0, 0.0, 1.0)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    return each
+
+
+def family(pool: bpy.types.Object, other: bpy.types.Object) -> None:
+    """Two metaballs with one surface: the first has a role, the second moves."""
+    for name in ("Ball", "Ball.001"):
+        each = bpy.data.objects.new(name, bpy.data.metaballs.new(name))
+        each.data.elements.new()
+        bpy.context.collection.objects.link(each)
+    each.parent = other
+    bpy.data.objects["Ball"].meniscus.role = "COLLIDER"
+    # A new object is visible after that.
+    bpy.context.view_layer.update()
+
+
 def drive(pool: bpy.types.Object, other: bpy.types.Object) -> None:
     variable = pool.driver_add("location", 0).driver.variables.new()
     variable.targets[0].id, variable.targets[0].data_path = other, "location.x"
@@ -91,6 +117,9 @@ def drive(pool: bpy.types.Object, other: bpy.types.Object) -> None:
 
 def restore(pool: bpy.types.Object, target: bpy.types.Object, scene: bpy.types.Scene) -> None:
     pool.parent = target.parent = None
+    for name in ("Ball", "Ball.001"):
+        if name in bpy.data.objects:
+            bpy.data.objects.remove(bpy.data.objects[name])
     pool.constraints.clear()
     pool.modifiers.clear()
     pool.animation_data_clear()
