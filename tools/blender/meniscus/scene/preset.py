@@ -195,9 +195,14 @@ class Writer:
 
     def falling(self) -> None:
         """Notes that nothing is below what falls: a newcomer's water is gone after a second."""
-        falls = [name for name, has in (("liquid", self.has_liquid), ("bodies", self.has_bodies), ("cloth", self.has_cloth)) if has]
-        is_held = "COLLIDER" in self.roles or (falls == ["cloth"] and all(each.pins for each in self.of("CLOTH")))
-        if falls and not is_held and self.scene.use_gravity:
+        if "COLLIDER" in self.roles or not (self.scene.use_gravity and any(self.scene.gravity)):
+            return
+        held = joints.held(self.of("CLOTH"))
+        is_caught = any(each.role.use_liquid for each in held)
+        is_cloth_free = len(held) < len(self.of("CLOTH"))
+        has = (("liquid", self.has_liquid and not is_caught), ("bodies", self.has_bodies), ("cloth", is_cloth_free))
+        falls = [name for name, is_free in has if is_free]
+        if falls:
             text = "will fall without end. Add a floor, tank or glass: Add > Meniscus"
             self.notes.append(f"The scene has no collider: {' and '.join(falls)} {text}")
 
@@ -312,9 +317,12 @@ class Writer:
             if common:
                 self.document.table("sheets", common)
             self.joints()
-        else:
-            for each in self.of("REGION"):
+        sheets = {each.source for each in self.of("CLOTH")}
+        for each in self.of("REGION"):
+            if not sheets:
                 self.shaper.note(each, "is left out, since the scene has no cloth")
+            elif each.role.region_of is not None and each.role.region_of not in sheets:
+                self.shaper.note(each, "is left out, since the object that it is of takes no part as cloth")
         for each in self.of("CLOTH"):
             role = each.role
             if self.has_liquid and role.use_liquid:
@@ -353,6 +361,7 @@ class Writer:
     def joints(self) -> None:
         """Points of two sheets that are held together."""
         sheets = {each.source: each for each in self.of("CLOTH")}
+        written: set[joints.Groups] = set()
         for each in self.of("CLOTH"):
             if each.role.joint_to is None:
                 continue
@@ -360,10 +369,16 @@ class Writer:
             if other is None:
                 self.shaper.note(each, "its joint is left out, since the other object takes no part as cloth")
                 continue
-            own, theirs, largest = joints.pairs(each, other)
+            pairs = joints.pairs(each, other)
+            if pairs.groups in written:
+                self.shaper.note(each, f"its joint is left out, since {printable(other.source.name)} has the same one, with its own settings")
+                continue
+            written.add(pairs.groups)
+            if pairs.free:
+                self.shaper.note(each, f"{pairs.free} point(s) of its joint stay free, since the two vertex groups have unequal numbers of points")
             values = settings.values(each.role.joint, "Joint", self.scale)
-            joints.check_exact(each, values, largest)
-            both = {"sheets": [each.asset, other.asset], "at": [{"points": own}, {"points": theirs}]}
+            joints.check_exact(each, values, pairs.largest)
+            both = {"sheets": [each.asset, other.asset], "at": [{"points": pairs.own}, {"points": pairs.theirs}]}
             self.document.table("sheets.joint", both | values, note=f"{each.source.name} to {other.source.name}", repeated=True)
 
     def couple(self, system: str, sheet: str, found: dict[str, object]) -> None:
