@@ -97,9 +97,37 @@ def smoke(shown: bpy.types.Object, frame: int) -> np.ndarray:
     return np.array([mean, np.average((places - mean) ** 2, axis=0, weights=values.ravel()) ** 0.5])
 
 
+def check_camera(folder: Path) -> None:
+    """The startup camera moves up to small objects until an artist has placed it or set it up."""
+    setups = {
+        "nothing": lambda camera: None,
+        "a lens": lambda camera: setattr(camera.data, "lens", 85.0),
+        "a near clip distance": lambda camera: setattr(camera.data, "clip_start", 0.02),
+        "a constraint": lambda camera: setattr(camera.constraints.new("TRACK_TO"), "target", bpy.data.objects["Light"]),
+        "a parent": lambda camera: setattr(camera, "parent", bpy.data.objects["Light"]),
+        "animation": lambda camera: camera.keyframe_insert("location", frame=1),
+        "a place": lambda camera: setattr(camera, "location", camera.location * 1.1),
+    }
+    for name, change in setups.items():
+        camera = startup(folder / name).camera
+        before = camera.location.copy()
+        bpy.ops.meniscus.add(kind="tap")
+        check((camera.location - before).length > 1.0, f"{name}: the camera moves up to a first object")
+        change(camera)
+        before = camera.location.copy()
+        # Another one is far away, and small again.
+        for each in ("Tap", "Pipe"):
+            bpy.data.objects.remove(bpy.data.objects[each])
+        bpy.context.scene.cursor.location.x = 50.0
+        bpy.ops.meniscus.add(kind="tap")
+        moved = (camera.location - before).length > 1e-3
+        check(moved == (name == "nothing"), f"the camera, of which the artist changed {name}, {'moves' if name == 'nothing' else 'stays'}", camera.location)
+
+
 def stage_first(folder: Path) -> None:
     """Every entry of the menu."""
     bpy.ops.preferences.addon_enable(module=ADDON)
+    check_camera(folder / "camera")
     look_at(folder, list(scene_module("add").KINDS))
 
 

@@ -198,9 +198,9 @@ class Writer:
         if "COLLIDER" in self.roles or not (self.scene.use_gravity and any(self.scene.gravity)):
             return
         held = joints.held(self.of("CLOTH"))
-        is_caught = any(each.role.use_liquid for each in held)
+        is_liquid_held = any(each.role.use_liquid for each in held)
         is_cloth_free = len(held) < len(self.of("CLOTH"))
-        has = (("liquid", self.has_liquid and not is_caught), ("bodies", self.has_bodies), ("cloth", is_cloth_free))
+        has = (("liquid", self.has_liquid and not is_liquid_held), ("bodies", self.has_bodies), ("cloth", is_cloth_free))
         falls = [name for name, is_free in has if is_free]
         if falls:
             text = "will fall without end. Add a floor, tank or glass: Add > Meniscus"
