@@ -355,8 +355,27 @@ def check_air(folder: Path) -> None:
     check(found["density"] == 0, "a tube has its settings", found)
     found = data["smoke"]["turbulence"]
     check(np.allclose(found["shape"]["box"]["max"], (1.0, 1.5, 2.5)) and found["scale"] == 0.75, "turbulence has its object's box, in metres", found)
+    check_smoke_spacing(folder / "spacing")
+    scene = empty(folder / "two")
+    add("turbulence")
     add("turbulence")
     refused("two objects with turbulence", "Turbulence.001", "second turbulence")
+
+
+def check_smoke_spacing(folder: Path) -> None:
+    """The menu lowers its own spacing of smoke for a kind that needs less, and no other one."""
+    for order in (("smoke", "ring"), ("ring", "smoke")):
+        scene = empty(folder)
+        scene.unit_settings.scale_length = 0.5
+        for kind in order:
+            add(kind)
+        spacing = scene.meniscus.smoke.spacing
+        check(abs(spacing - 0.06) < 1e-6, f"{' and '.join(order)}: the spacing fits the ring", spacing)
+    scene = empty(folder)
+    add("smoke")
+    scene.meniscus.smoke.spacing = 0.2
+    add("ring")
+    check(abs(scene.meniscus.smoke.spacing - 0.2) < 1e-6, "a spacing that was typed stays", scene.meniscus.smoke.spacing)
 
 
 def check_sheets(folder: Path) -> None:

@@ -223,6 +223,8 @@ def scene_class() -> type:
         sheets: PointerProperty(type=sheets_group)
         surface: PointerProperty(type=surface_group)
         whitewater: PointerProperty(type=whitewater_group)
+        # Of add.py.
+        added_smoke_spacing: FloatProperty(options={"HIDDEN"})
         volume: PointerProperty(type=volume_group)
 
     SceneShot.__name__ = "MENISCUS_PG_scene"
