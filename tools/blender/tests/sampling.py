@@ -137,7 +137,7 @@ def button(operator: type):
     for name in ("takes_over", "prepare", "finish", "start", "action", "wait", "wait_for"):
         if hasattr(operator, name):
             found[name] = getattr(operator, name)
-    return type("Button", (sampling.PresetOperator,), found | {"wait": False})()
+    return type("Button", (sampling.PresetOperator,), found | {"wait": False, "replaces": False})()
 
 
 def event(kind: str) -> SimpleNamespace:
@@ -189,7 +189,7 @@ def check_modal(folder: Path) -> None:
 
 
 def check_cancelled(folder: Path) -> None:
-    """Esc, an undo, a removed object, and an error in a frame end the sampling without a trace."""
+    """Esc, an undo, changes of the scene, and an error in a frame end the sampling without a trace."""
     for name in ("Esc", "undo", "a save", "a removed object", "a longer frame range", "another frame rate", "another unit scale", NOT_FINITE):
         scene, context = moving_pool(folder / name), bpy.context
         before, path = state(scene), folder / name / "meniscus" / "scene.toml"
@@ -231,19 +231,31 @@ def interrupt(name: str, pressed) -> set[str]:
 
 
 def check_simulate(folder: Path) -> None:
-    """*Simulate* and *Start Over* of a window start the engine after the last frame."""
+    """*Plan*, *Simulate* and *Start Over* of a window start the engine after the last frame."""
     scene = moving_pool(folder)
     scene.frame_end = 2
-    session, sampling = scene_module("session"), scene_module("sampling")
-    pressed = button(scene_module("operators").MENISCUS_OT_plan)
-    answer, looks = pressed.invoke(bpy.context, event("LEFTMOUSE")), 0
-    check(session.job_of(scene) is None, "no job starts while frames are sampled")
-    while answer == {"RUNNING_MODAL"} and looks < 100:
-        answer, looks = pressed.modal(bpy.context, event("TIMER")), looks + 1
-    job = session.job_of(scene)
-    check(answer == {"FINISHED"} and job is not None and job.action == "plan", "the engine starts after the last frame", (answer, pressed.reports))
-    check(sampling.Sampling.current is None, "sampling has ended")
+    operators, session, sampling = (scene_module(name) for name in ("operators", "session", "sampling"))
+    operators.has_window = sampling.has_window
+    for action in ("plan", "simulate"):
+        pressed, before = button(getattr(operators, f"MENISCUS_OT_{action}")), session.job_of(scene)
+        answer, looks = pressed.invoke(bpy.context, event("LEFTMOUSE")), 0
+        check(session.job_of(scene) is before, f"{action}: no job starts while frames are sampled")
+        while answer == {"RUNNING_MODAL"} and looks < 100:
+            answer, looks = pressed.modal(bpy.context, event("TIMER")), looks + 1
+        job = session.job_of(scene)
+        is_started = answer == {"FINISHED"} and job is not None and job.action == action
+        check(is_started, f"{action}: the engine starts after the last frame", (answer, pressed.reports))
+        check(sampling.Sampling.current is None, f"{action}: sampling has ended")
+        wait(scene)
+        check(job.description["frames"] == [1, 2, 1] and not job.error, f"{action}: the job has the frames of the preset", job.error)
+    marked = folder / "meniscus" / scene.meniscus.quality / "shot.json"
+    before = marked.stat().st_mtime_ns
+    # Confirmed by a dialog, it invokes Simulate, which is done in one tick: Blender itself has no modal operators without a window.
+    sampling.BUDGET_SECONDS = 60.0
+    answer, job = bpy.ops.meniscus.start_over("EXEC_DEFAULT"), session.job_of(scene)
+    check(answer == {"FINISHED"} and job.action == "start_over", "Start Over starts its own job when it was confirmed", (answer, job.action))
     wait(scene)
+    check(not job.error and marked.stat().st_mtime_ns > before, "Start Over simulates again", job.error)
 
 
 def stage_sampling(folder: Path) -> None:
