@@ -292,6 +292,18 @@ def check_settings(folder: Path) -> None:
     camera.keyframe_insert("location", frame=20)
     _, notes = write(scene, "a camera that moves")
     noted(notes, "View", "moves")
+    path = folder / "meniscus" / "scene.toml"
+    for before, after in ((camera, None), (None, camera)):
+        scene.camera = before
+        steps = scene_module("preset").writing(bpy.context)
+        next(steps)
+        scene.camera = after
+        try:
+            list(steps)
+            has_camera = "camera" in tomllib.loads(path.read_text(encoding="utf-8"))
+        except AttributeError as error:
+            has_camera = error
+        check(has_camera == (before is not None), "the camera is that of the start of sampling", has_camera)
 
 
 def check_kinds(folder: Path) -> None:

@@ -444,9 +444,9 @@ class Writer:
 
     def camera(self) -> None:
         """The scene's camera in the first frame, for previews; a preset's camera is at rest, upright and in perspective."""
-        camera = self.scene.camera
-        if camera is None:
+        if self.camera_samples is None:
             return
+        camera = self.camera_samples.source
         name = printable(camera.name)
         if camera.type != "CAMERA" or camera.data.type != "PERSP":
             self.notes.append(f"{name}: left out of the preset, whose camera is one in perspective. The scene keeps it")
