@@ -21,6 +21,8 @@ from volumes import load_openvdb
 LAST = 5
 # Of smoke in two frames [m].
 MIN_RISE = 0.007
+# Of a vortex tube [m²/s].
+MIN_SWIRL = 0.01
 # A pool in a tank is at rest, and air swirls in its place.
 AT_REST = ("tank", "tube")
 # What an entry that simulates nothing alone is added to.
@@ -84,6 +86,19 @@ def moved(scene: bpy.types.Scene) -> bool:
     return found[0].shape != found[1].shape or bool(np.abs(found[1] - found[0]).max() > 1e-3)
 
 
+def swirl(scene: bpy.types.Scene) -> float:
+    """Mean angular momentum of smoke about the Z axis of the world, per mass [m²/s]."""
+    shown = next(each for each in scene.objects if each.get("meniscus_output"))
+    path = bpy.path.abspath(shown.data.filepath).replace(f"{1:04}.vdb", f"{LAST:04}.vdb")
+    grid = load_openvdb().read(path, "velocity")
+    low, high = grid.evalActiveVoxelBoundingBox()
+    velocities = np.zeros([*(most - least + 1 for least, most in zip(low, high)), 3])
+    grid.copyToArray(velocities, ijk=low)
+    places = np.moveaxis(np.indices(velocities.shape[:3]), 0, -1) * grid.transform.voxelSize()[0] + np.array(grid.transform.indexToWorld(low))
+    momenta = places[..., 0] * velocities[..., 1] - places[..., 1] * velocities[..., 0]
+    return float(momenta[np.any(velocities != 0.0, axis=-1)].mean())
+
+
 def smoke(shown: bpy.types.Object, frame: int) -> np.ndarray:
     """The mean and the spread of the places of smoke, by its density."""
     path = bpy.path.abspath(shown.data.filepath).replace(f"{1:04}.vdb", f"{frame:04}.vdb")
@@ -97,9 +112,37 @@ def smoke(shown: bpy.types.Object, frame: int) -> np.ndarray:
     return np.array([mean, np.average((places - mean) ** 2, axis=0, weights=values.ravel()) ** 0.5])
 
 
+def check_camera(folder: Path) -> None:
+    """The startup camera moves up to small objects until an artist has placed it or set it up."""
+    setups = {
+        "nothing": lambda camera: None,
+        "a lens": lambda camera: setattr(camera.data, "lens", 85.0),
+        "a near clip distance": lambda camera: setattr(camera.data, "clip_start", 0.02),
+        "a constraint": lambda camera: setattr(camera.constraints.new("TRACK_TO"), "target", bpy.data.objects["Light"]),
+        "a parent": lambda camera: setattr(camera, "parent", bpy.data.objects["Light"]),
+        "animation": lambda camera: camera.keyframe_insert("location", frame=1),
+        "a place": lambda camera: setattr(camera, "location", camera.location * 1.1),
+    }
+    for name, change in setups.items():
+        camera = startup(folder / name).camera
+        before = camera.location.copy()
+        bpy.ops.meniscus.add(kind="tap")
+        check((camera.location - before).length > 1.0, f"{name}: the camera moves up to a first object")
+        change(camera)
+        before = camera.location.copy()
+        # Another one is far away, and small again.
+        for each in ("Tap", "Pipe"):
+            bpy.data.objects.remove(bpy.data.objects[each])
+        bpy.context.scene.cursor.location.x = 50.0
+        bpy.ops.meniscus.add(kind="tap")
+        moved = (camera.location - before).length > 1e-3
+        check(moved == (name == "nothing"), f"the camera, of which the artist changed {name}, {'moves' if name == 'nothing' else 'stays'}", camera.location)
+
+
 def stage_first(folder: Path) -> None:
     """Every entry of the menu."""
     bpy.ops.preferences.addon_enable(module=ADDON)
+    check_camera(folder / "camera")
     look_at(folder, list(scene_module("add").KINDS))
 
 
@@ -121,7 +164,10 @@ def look_at(folder: Path, kinds: list[str]) -> None:
         job = scene_module("session").job_of(scene)
         strange = [text for text in job.messages if not any(part in text for part in NOTED)]
         check(job.code == 0 and not job.error and not strange, f"{kind}: simulates without a remark", (job.code, job.error, strange))
-        check(moved(scene) or kind in AT_REST, f"{kind}: it moves")
+        is_at_rest = kind in AT_REST
+        check(moved(scene) != is_at_rest, f"{kind}: it {'stays where it is' if is_at_rest else 'moves'}")
+        if kind == "tube":
+            check(swirl(scene) > MIN_SWIRL, f"{kind}: its air swirls around the Z axis", swirl(scene))
         check_visible(scene, kind)
         print(f"{kind}: {time.monotonic() - start:.1f} s", flush=True)
 

@@ -292,6 +292,18 @@ def check_settings(folder: Path) -> None:
     camera.keyframe_insert("location", frame=20)
     _, notes = write(scene, "a camera that moves")
     noted(notes, "View", "moves")
+    path = folder / "meniscus" / "scene.toml"
+    for before, after in ((camera, None), (None, camera)):
+        scene.camera = before
+        steps = scene_module("preset").writing(bpy.context)
+        next(steps)
+        scene.camera = after
+        try:
+            list(steps)
+            has_camera = "camera" in tomllib.loads(path.read_text(encoding="utf-8"))
+        except AttributeError as error:
+            has_camera = error
+        check(has_camera == (before is not None), "the camera is that of the start of sampling", has_camera)
 
 
 def check_kinds(folder: Path) -> None:
@@ -355,12 +367,31 @@ def check_air(folder: Path) -> None:
     check(found["density"] == 0, "a tube has its settings", found)
     found = data["smoke"]["turbulence"]
     check(np.allclose(found["shape"]["box"]["max"], (1.0, 1.5, 2.5)) and found["scale"] == 0.75, "turbulence has its object's box, in metres", found)
+    check_smoke_spacing(folder / "spacing")
+    scene = empty(folder / "two")
+    add("turbulence")
     add("turbulence")
     refused("two objects with turbulence", "Turbulence.001", "second turbulence")
 
 
+def check_smoke_spacing(folder: Path) -> None:
+    """The menu lowers its own spacing of smoke for a kind that needs less, and no other one."""
+    for order in (("smoke", "ring"), ("ring", "smoke")):
+        scene = empty(folder)
+        scene.unit_settings.scale_length = 0.5
+        for kind in order:
+            add(kind)
+        spacing = scene.meniscus.smoke.spacing
+        check(abs(spacing - 0.06) < 1e-6, f"{' and '.join(order)}: the spacing fits the ring", spacing)
+    scene = empty(folder)
+    add("smoke")
+    scene.meniscus.smoke.spacing = 0.2
+    add("ring")
+    check(abs(scene.meniscus.smoke.spacing - 0.2) < 1e-6, "a spacing that was typed stays", scene.meniscus.smoke.spacing)
+
+
 def check_sheets(folder: Path) -> None:
-    """Joints hold the nearest points of two sheets together; regions are other material in a volume."""
+    """Joints hold points of two sheets together, one to one; regions are other material in a volume."""
     scene = empty(folder)
     one, other = add("cloth"), add("cloth", location=(1.0, 0.0, 0.8))
     side = np.arange(41) * 41
@@ -370,10 +401,15 @@ def check_sheets(folder: Path) -> None:
     other.scale.y = -1.0
     role = one.meniscus
     role.joint_to, role.joint_points, role.joint_other_points = other, "Right", "Left"
+    back = other.meniscus
+    back.joint_to, back.joint_points, back.joint_other_points = one, "Left", "Right"
     region = add("collider", location=(0.0, 0.0, 0.8))
     region.name, region.meniscus.role = "Hem", "REGION"
     region.meniscus.region.stiffness, region.meniscus.region_of = 10.0, other
-    data, _ = write(scene, "joints and regions")
+    data, notes = write(scene, "joints and regions")
+    check(len(data["sheets"]["joint"]) == 1, "a joint that both sheets have is written once", data["sheets"]["joint"])
+    noted(notes, "Cloth.001", "joint is left out", "Cloth has the same one")
+    back.joint_to = None
     joint = data["sheets"]["joint"][0]
     check(joint["sheets"] == ["Cloth", "Cloth_001"] and "stiffness" not in joint, "a joint names its sheets, and is exact", joint)
     ends = [world_points(made, 1)[part["points"]] for made, part in zip((one, other), joint["at"])]
@@ -388,13 +424,51 @@ def check_sheets(folder: Path) -> None:
     refused("a joint of groups that are too large", "Cloth", "41 points", "seam")
     joints.MAX_DISTANCES = limit
     role.joint.use_stiffness, role.joint.stiffness, role.joint.use_release, role.joint.release = True, 50.0, True, 3
-    data, _ = write(scene, "a joint of springs, and a region of all sheets")
+    other.vertex_groups["Left"].remove([0, 41, 82])
+    data, notes = write(scene, "a joint of springs, and a region of all sheets")
+    noted(notes, "Cloth", "3 point(s) of its joint stay free")
+    check(len(data["sheets"]["joint"][0]["at"][0]["points"]) == 38, "each point is in one pair")
     joint = data["sheets"]["joint"][0]
     check(joint["stiffness"] == 50 and joint["release"] == 3, "a joint has its settings", joint)
     check(all(len(sheet["region"]) == 1 for sheet in data["sheet"]), "a region without a cloth is of all", data["sheet"])
     other.meniscus.role = "NONE"
-    _, notes = write(scene, "without the other cloth")
+    region.meniscus.region_of = other
+    data, notes = write(scene, "without the other cloth")
     noted(notes, "Cloth", "joint is left out")
+    noted(notes, "Hem", "left out", "no part as cloth")
+    check("region" not in data["sheet"][0], "a region of an object that is no cloth is left out")
+
+
+def check_falling(folder: Path) -> None:
+    """Without a collider, what no pin holds is noted."""
+    scene = empty(folder)
+
+    def falls(name: str, expected: str) -> None:
+        notes = scene_module("preset").write(bpy.context).notes
+        found = [note.partition("collider: ")[2].partition(" will fall")[0] for note in notes if "will fall" in note]
+        check(found == ([expected] if expected else []), f"{name}: {expected or 'nothing'} falls without end", notes)
+
+    cloth = add("cloth")
+    cloth.vertex_groups.new(name="Pins").add([0, 40], 1.0, "REPLACE")
+    falls("a free cloth", "cloth")
+    cloth.meniscus.pins = "Pins"
+    falls("a cloth with pins", "")
+    add("drop")
+    falls("a cloth with pins that catches a drop", "")
+    cloth.meniscus.use_liquid = False
+    falls("a cloth with pins that liquid passes", "liquid")
+    cloth.meniscus.pin.use_release = True
+    falls("released pins", "liquid and cloth")
+    cloth.meniscus.pin.use_release = False
+    second = add("cloth", location=(1.0, 0.0, 0.8))
+    falls("a second cloth", "liquid and cloth")
+    second.vertex_groups.new(name="Side").add([0], 1.0, "REPLACE")
+    role = second.meniscus
+    role.joint_to, role.joint_points, role.joint_other_points, role.use_liquid = cloth, "Side", "Pins", False
+    role.joint.use_stiffness = True
+    falls("a cloth that is joined to one with pins", "liquid")
+    scene.gravity = (0.0, 0.0, 0.0)
+    falls("gravity that is zero", "")
 
 
 def check_schema() -> None:
@@ -492,6 +566,7 @@ def stage_presets(folder: Path) -> None:
     check_kinds(folder / "kinds")
     check_air(folder / "air")
     check_sheets(folder / "sheets")
+    check_falling(folder / "falling")
     check_schema()
     check_folder(folder / "folder")
     check_refused(folder / "refused")

@@ -16,6 +16,8 @@ from results import drawn
 from scenes import scene_module, wait
 
 LAST = 40
+# An interruption of sampling.
+NOT_FINITE = "a location that is NaN"
 
 
 class Sampled:
@@ -50,6 +52,10 @@ def check_rest(folder: Path) -> None:
     cases = [("a scene at rest, whatever moves in it without a role", lambda: None, False)]
     cases.append(("the parent of a parent", lambda: parent(pool, parent(target, other)), True))
     cases.append(("a constraint", lambda: setattr(pool.constraints.new("COPY_LOCATION"), "target", other), True))
+    cases.append(("a constraint to nothing that moves", lambda: pool.constraints.new("LIMIT_LOCATION"), False))
+    cases.append(("a track of a movie clip", lambda: pool.constraints.new("FOLLOW_TRACK"), True))
+    cases.append(("a camera solver of a bone", lambda: parent(pool, rig()).parent.pose.bones[0].constraints.new("CAMERA_SOLVER"), True))
+    cases.append(("a metaball of the family", lambda: family(pool, other), True))
     cases.append(("a driver", lambda: drive(pool, other), True))
     cases.append(("a modifier with a time of its own", lambda: pool.modifiers.new("Wave", "WAVE"), True))
     cases.append(("a modifier", lambda: pool.modifiers.new("Bevel", "BEVEL"), False))
@@ -82,6 +88,28 @@ def rigid() -> bpy.types.Object:
     return each
 
 
+def rig() -> bpy.types.Object:
+    each = bpy.data.objects.new("Rig", bpy.data.armatures.new("Rig"))
+    bpy.context.collection.objects.link(each)
+    bpy.context.view_layer.objects.active = each
+    bpy.ops.object.mode_set(mode="EDIT")
+    each.data.edit_bones.new("Bone").tail = (0.0, 0.0, 1.0)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    return each
+
+
+def family(pool: bpy.types.Object, other: bpy.types.Object) -> None:
+    """Two metaballs with one surface: the first has a role, the second moves."""
+    for name in ("Ball", "Ball.001"):
+        each = bpy.data.objects.new(name, bpy.data.metaballs.new(name))
+        each.data.elements.new()
+        bpy.context.collection.objects.link(each)
+    each.parent = other
+    bpy.data.objects["Ball"].meniscus.role = "COLLIDER"
+    # A new object is visible after that.
+    bpy.context.view_layer.update()
+
+
 def drive(pool: bpy.types.Object, other: bpy.types.Object) -> None:
     variable = pool.driver_add("location", 0).driver.variables.new()
     variable.targets[0].id, variable.targets[0].data_path = other, "location.x"
@@ -89,6 +117,9 @@ def drive(pool: bpy.types.Object, other: bpy.types.Object) -> None:
 
 def restore(pool: bpy.types.Object, target: bpy.types.Object, scene: bpy.types.Scene) -> None:
     pool.parent = target.parent = None
+    for name in ("Ball", "Ball.001"):
+        if name in bpy.data.objects:
+            bpy.data.objects.remove(bpy.data.objects[name])
     pool.constraints.clear()
     pool.modifiers.clear()
     pool.animation_data_clear()
@@ -106,7 +137,7 @@ def button(operator: type):
     for name in ("takes_over", "prepare", "finish", "start", "action", "wait", "wait_for"):
         if hasattr(operator, name):
             found[name] = getattr(operator, name)
-    return type("Button", (sampling.PresetOperator,), found | {"wait": False})()
+    return type("Button", (sampling.PresetOperator,), found | {"wait": False, "replaces": False})()
 
 
 def event(kind: str) -> SimpleNamespace:
@@ -139,7 +170,8 @@ def check_modal(folder: Path) -> None:
     with Sampled() as frames:
         answer = pressed.invoke(context, event("LEFTMOUSE"))
         check(answer == {"RUNNING_MODAL"} and len(set(frames)) == 1, "a button that writes the preset is modal after its first frame", (answer, frames))
-        check(not bpy.ops.meniscus.simulate.poll() and not bpy.ops.meniscus.write.poll(), "no second button works meanwhile")
+        works = [name for name in ("simulate", "write", "show") if getattr(bpy.ops.meniscus, name).poll()]
+        check(not works, "no second button works meanwhile", works)
         check(pressed.modal(context, event("MOUSEMOVE")) == {"RUNNING_MODAL"} and len(set(frames)) == 1, "other events sample nothing, and change nothing")
         check(not path.exists(), "no preset is written yet")
         while answer == {"RUNNING_MODAL"} and ticks < 10 * LAST:
@@ -157,8 +189,8 @@ def check_modal(folder: Path) -> None:
 
 
 def check_cancelled(folder: Path) -> None:
-    """Esc, an undo, a removed object, and an error in a frame end the sampling without a trace."""
-    for name in ("Esc", "undo", "a save", "a removed object", "a frame without a mesh"):
+    """Esc, an undo, changes of the scene, and an error in a frame end the sampling without a trace."""
+    for name in ("Esc", "undo", "a save", "a removed object", "a longer frame range", "another frame rate", "another unit scale", NOT_FINITE):
         scene, context = moving_pool(folder / name), bpy.context
         before, path = state(scene), folder / name / "meniscus" / "scene.toml"
         pressed = button(scene_module("operators").MENISCUS_OT_write)
@@ -168,7 +200,7 @@ def check_cancelled(folder: Path) -> None:
         answer = interrupt(name, pressed)
         check(answer == {"CANCELLED"}, f"{name} cancels", answer)
         is_reported = any(kind in ("WARNING", "ERROR") and "sampled" in text for kind, text in pressed.reports)
-        check(is_reported or name == "a frame without a mesh", f"{name} is reported", pressed.reports)
+        check(is_reported or name == NOT_FINITE, f"{name} is reported", pressed.reports)
         if name != "a removed object":
             check(state(scene) == before, f"{name}: frame and hidden objects are as before", (state(scene), before))
         check(scene.frame_current == 7 and not path.exists(), f"{name}: nothing is written", scene.frame_current)
@@ -186,6 +218,12 @@ def interrupt(name: str, pressed) -> set[str]:
         bpy.ops.wm.save_mainfile()
     elif name == "a removed object":
         bpy.data.objects.remove(bpy.data.objects["Pool"])
+    elif name == "a longer frame range":
+        bpy.context.scene.frame_end += 10
+    elif name == "another frame rate":
+        bpy.context.scene.render.fps += 1
+    elif name == "another unit scale":
+        bpy.context.scene.unit_settings.scale_length = 0.5
     else:
         bpy.data.objects["Collider"].location.z = float("nan")
         bpy.data.objects["Collider"].animation_data_clear()
@@ -193,19 +231,31 @@ def interrupt(name: str, pressed) -> set[str]:
 
 
 def check_simulate(folder: Path) -> None:
-    """*Simulate* and *Start Over* of a window start the engine after the last frame."""
+    """*Plan*, *Simulate* and *Start Over* of a window start the engine after the last frame."""
     scene = moving_pool(folder)
     scene.frame_end = 2
-    session, sampling = scene_module("session"), scene_module("sampling")
-    pressed = button(scene_module("operators").MENISCUS_OT_plan)
-    answer, looks = pressed.invoke(bpy.context, event("LEFTMOUSE")), 0
-    check(session.job_of(scene) is None, "no job starts while frames are sampled")
-    while answer == {"RUNNING_MODAL"} and looks < 100:
-        answer, looks = pressed.modal(bpy.context, event("TIMER")), looks + 1
-    job = session.job_of(scene)
-    check(answer == {"FINISHED"} and job is not None and job.action == "plan", "the engine starts after the last frame", (answer, pressed.reports))
-    check(sampling.Sampling.current is None, "sampling has ended")
+    operators, session, sampling = (scene_module(name) for name in ("operators", "session", "sampling"))
+    operators.has_window = sampling.has_window
+    for action in ("plan", "simulate"):
+        pressed, before = button(getattr(operators, f"MENISCUS_OT_{action}")), session.job_of(scene)
+        answer, looks = pressed.invoke(bpy.context, event("LEFTMOUSE")), 0
+        check(session.job_of(scene) is before, f"{action}: no job starts while frames are sampled")
+        while answer == {"RUNNING_MODAL"} and looks < 100:
+            answer, looks = pressed.modal(bpy.context, event("TIMER")), looks + 1
+        job = session.job_of(scene)
+        is_started = answer == {"FINISHED"} and job is not None and job.action == action
+        check(is_started, f"{action}: the engine starts after the last frame", (answer, pressed.reports))
+        check(sampling.Sampling.current is None, f"{action}: sampling has ended")
+        wait(scene)
+        check(job.description["frames"] == [1, 2, 1] and not job.error, f"{action}: the job has the frames of the preset", job.error)
+    marked = folder / "meniscus" / scene.meniscus.quality / "shot.json"
+    before = marked.stat().st_mtime_ns
+    # Confirmed by a dialog, it invokes Simulate, which is done in one tick: Blender itself has no modal operators without a window.
+    sampling.BUDGET_SECONDS = 60.0
+    answer, job = bpy.ops.meniscus.start_over("EXEC_DEFAULT"), session.job_of(scene)
+    check(answer == {"FINISHED"} and job.action == "start_over", "Start Over starts its own job when it was confirmed", (answer, job.action))
     wait(scene)
+    check(not job.error and marked.stat().st_mtime_ns > before, "Start Over simulates again", job.error)
 
 
 def stage_sampling(folder: Path) -> None:

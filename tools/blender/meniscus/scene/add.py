@@ -161,14 +161,22 @@ def add(context: bpy.types.Context, name: str) -> bpy.types.Object:
         if kind.spacing == FINE:
             shot.liquid.max_substeps, shot.liquid.use_surface_tension = 200, True
             shot.liquid.surface_tension.contact_angle = 40.0 * pi / 180.0
-    if kind.role in roles.OF_SMOKE and not shot.smoke.is_property_set("spacing"):
-        shot.smoke.spacing = kind.smoke_spacing / scale
+    if kind.role in roles.OF_SMOKE:
+        refine_smoke(shot, kind.smoke_spacing / scale)
     finish(context, made, name, scale)
     for each in context.selected_objects:
         each.select_set(False)
     made.select_set(True)
     context.view_layer.objects.active = made
     return made
+
+
+def refine_smoke(shot: bpy.types.PropertyGroup, spacing: float) -> None:
+    """Sets the spacing of smoke where the scene has none, or lowers one that this menu set: no one chose that."""
+    is_set = shot.smoke.is_property_set("spacing")
+    if not is_set or (shot.smoke.spacing == shot.added_smoke_spacing and spacing < shot.smoke.spacing):
+        shot.smoke.spacing = spacing
+        shot.added_smoke_spacing = shot.smoke.spacing
 
 
 def finish(context: bpy.types.Context, made: bpy.types.Object, name: str, scale: float) -> None:

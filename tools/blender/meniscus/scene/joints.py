@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Joints between two sheets of cloth: each point of one vertex group with the nearest of the other."""
+"""Joints between two sheets of cloth: points of two vertex groups in pairs, one to one, nearest pair first."""
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,6 +12,24 @@ from .sample import Sampled, members
 COINCIDENT = 1e-5
 # Distances between two groups that are compared: 128 MB of them.
 MAX_DISTANCES = 1 << 24
+# Two vertex groups as sheet and points, whichever of the two sheets has the joint.
+Groups = frozenset[tuple[str, frozenset[int]]]
+
+
+@dataclass
+class Pairs:
+    """Points that are joined, by their numbers in each sheet, in order."""
+
+    own: list[int]
+    theirs: list[int]
+    # Distance between the points of a pair [m].
+    largest: float
+    groups: Groups
+
+    @property
+    def free(self) -> int:
+        """Number of points of the larger group that are in no pair."""
+        return sum(len(points) for _, points in self.groups) - 2 * len(self.own)
 
 
 def placed(each: Sampled) -> np.ndarray:
@@ -18,8 +38,8 @@ def placed(each: Sampled) -> np.ndarray:
     return each.vertices[0].astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
-def pairs(each: Sampled, other: Sampled) -> tuple[list[int], list[int], float]:
-    """Numbers of the points that are joined, in order, and the largest distance between two of them. Raises ShotError."""
+def pairs(each: Sampled, other: Sampled) -> Pairs:
+    """Pairs each point with the nearest one that is in no pair yet, nearest pair first. Raises ShotError."""
     role = each.role
     own = members(each, role.joint_points, "its joint")
     theirs = members(other, role.joint_other_points, f"the joint of {printable(each.source.name)}")
@@ -42,7 +62,19 @@ def pairs(each: Sampled, other: Sampled) -> tuple[list[int], list[int], float]:
             if not rows or not columns:
                 break
     found.sort()
-    return [own[row] for row, _ in found], [theirs[column] for _, column in found], largest
+    groups = frozenset({(each.asset, frozenset(own)), (other.asset, frozenset(theirs))})
+    return Pairs([own[row] for row, _ in found], [theirs[column] for _, column in found], largest, groups)
+
+
+def held(sheets: list[Sampled]) -> list[Sampled]:
+    """Sheets that pins hold until the end, and those that joints without a release connect to them."""
+    found = {each.source for each in sheets if each.pins and not each.role.pin.use_release}
+    links = [{each.source, each.role.joint_to} for each in sheets if each.role.joint_to is not None and not each.role.joint.use_release]
+    for _ in sheets:
+        for link in links:
+            if link & found:
+                found |= link
+    return [each for each in sheets if each.source in found]
 
 
 def check_exact(each: Sampled, values: dict[str, object], largest: float) -> None:

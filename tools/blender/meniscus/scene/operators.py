@@ -14,6 +14,7 @@ from .sampling import PresetOperator, Sampling, has_window
 from .toml import inline
 
 WAIT_SECONDS = 0.05
+SAMPLING = "Frames are being sampled. Esc cancels"
 
 
 def check_free(root: Path) -> None:
@@ -32,7 +33,7 @@ class JobOperator:
     def poll(cls, context: bpy.types.Context) -> bool:
         job = session.job_of(context.scene)
         if Sampling.current is not None:
-            cls.poll_message_set("Frames are being sampled. Esc cancels")
+            cls.poll_message_set(SAMPLING)
             return False
         if job is not None and job.is_running:
             cls.poll_message_set("A job is running in this folder")
@@ -99,7 +100,7 @@ class WritingJobOperator(PresetOperator, JobOperator):
         for name in written.removed:
             self.report({"INFO"}, f"Removed {name} of an earlier preset")
         products = written.products if self.action in session.RUNS else set()
-        return self.start(context, self.action, scene_frames(context.scene), (), products)
+        return self.start(context, self.action, written.frames, (), products)
 
 
 class MENISCUS_OT_simulate(WritingJobOperator, bpy.types.Operator):
@@ -173,7 +174,9 @@ class MENISCUS_OT_mesh(JobOperator, bpy.types.Operator):
     bl_label = "Mesh Again"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        return self.begin(context, "mesh", (f"surface={inline(preset.surface_values(context.scene))}",))
+        scene = context.scene
+        table = preset.surface_values(scene.meniscus, scene.unit_settings.scale_length)
+        return self.begin(context, "mesh", (f"surface={inline(table)}",))
 
 
 class MENISCUS_OT_whitewater(JobOperator, bpy.types.Operator):
@@ -235,6 +238,14 @@ class MENISCUS_OT_show(bpy.types.Operator):
     bl_idname = "meniscus.show"
     bl_label = "Show Result"
     bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if Sampling.current is not None:
+            # It changes the current frame, too.
+            cls.poll_message_set(SAMPLING)
+            return False
+        return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         scene = context.scene

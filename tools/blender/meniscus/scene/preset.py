@@ -37,6 +37,37 @@ class Written:
     removed: list[str]
     # Names of run.py for what can be shown while it is simulated.
     products: set[str]
+    # Start, end and step.
+    frames: list[int]
+
+
+@dataclass(frozen=True)
+class TimeAndUnits:
+    """Frame range, frame rate and unit scale of a scene: read once, since all samples of a preset need the same."""
+
+    start: int
+    end: int
+    step: int
+    fps: float
+    scale: float
+
+    @classmethod
+    def of(cls, scene: bpy.types.Scene) -> "TimeAndUnits":
+        fps = float(scene.render.fps / scene.render.fps_base)
+        return cls(scene.frame_start, scene.frame_end, scene.frame_step, fps, scene.unit_settings.scale_length)
+
+
+def unchanged(steps: Generator[float, None, list[Sampled]], scene: bpy.types.Scene, expected: TimeAndUnits) -> Generator[float, None, list[Sampled]]:
+    """The steps of sampling. Raises ShotError if frame range, frame rate or unit scale changed since the start."""
+    while True:
+        if TimeAndUnits.of(scene) != expected:
+            finding = "frame range, step, frame rate or unit scale changed while frames were sampled"
+            raise ShotError(f"{printable(scene.name)}: {finding}; no file was written. Start again")
+        try:
+            part = next(steps)
+        except StopIteration as end:
+            return end.value
+        yield part
 
 
 def write(context: bpy.types.Context, takes_over: bool = False) -> Written:
@@ -52,33 +83,40 @@ def write(context: bpy.types.Context, takes_over: bool = False) -> Written:
 def writing(context: bpy.types.Context, takes_over: bool = False) -> Generator[float, None, Written]:
     """The same in steps of one frame, each of which yields the sampled part; nothing is written before the last. Closing it restores the scene."""
     notes: list[str] = []
-    frames = sample.frame_numbers(context.scene)
+    frames, units = sample.frame_numbers(context.scene), TimeAndUnits.of(context.scene)
     sources = sample.takes_part(context, notes)
     root = folder_of(context.scene)
     check_owner(context.scene, root, takes_over)
     folder = assets.Folder(root)
     folder.check_preset()
-    scale = context.scene.unit_settings.scale_length
     camera = context.scene.camera
     with sample.quiet(context, sources):
-        sampled = yield from sample.sample(context, sources + ([camera] if camera else []), frames, scale, notes)
+        steps = sample.sample(context, sources + ([camera] if camera else []), frames, units.scale, notes)
+        sampled = yield from unchanged(steps, context.scene, units)
         camera_samples = sampled.pop() if camera else None
-        writer = Writer(context.scene, sampled, camera_samples, scale, folder, notes)
+        writer = Writer(context.scene, units, sampled, camera_samples, folder, notes)
         text = writer.text()
     identity.mark(sampled, identity.Sources(root))
     owner = {"blend": blend_from(root), "scene": context.scene.name, "session": identity.session}
     path, removed = folder.finish(text, owner | {"objects": identity.entries(sampled)})
-    return Written(path, notes, removed, writer.products())
+    return Written(path, notes, removed, writer.products(), [units.start, units.end, units.step])
 
 
 class Writer:
     """Composes the text of one preset."""
 
     def __init__(
-        self, scene: bpy.types.Scene, sampled: list[Sampled], camera_samples: Sampled | None, scale: float, folder: assets.Folder, notes: list[str]
+        self,
+        scene: bpy.types.Scene,
+        units: TimeAndUnits,
+        sampled: list[Sampled],
+        camera_samples: Sampled | None,
+        folder: assets.Folder,
+        notes: list[str],
     ) -> None:
         self.scene, self.shot, self.camera_samples = scene, scene.meniscus, camera_samples
-        self.frames, self.scale, self.notes = sample.frame_numbers(scene), scale, notes
+        self.units, self.scale, self.notes = units, units.scale, notes
+        self.frames = list(range(units.start, units.end + 1, units.step))
         self.shaper = Shaper(folder, notes)
         self.folder = folder
         self.document = Document()
@@ -127,11 +165,10 @@ class Writer:
         document.comment("")
         document.comment(f"meniscus shot {assets.PRESET} --quality draft")
         document.blank()
-        first, last, step = self.frames[0], self.frames[-1], scene.frame_step
+        first, last, step = self.frames[0], self.frames[-1], self.units.step
         span = f"{first}-{last}" if last > first else f"{first}"
-        rate = scene.render.fps / scene.render.fps_base
         title = self.shot.title.strip() or scene.name
-        document.pairs({"title": title, "frames": span + (f"x{step}" if step > 1 and last > first else ""), "fps": float(rate)})
+        document.pairs({"title": title, "frames": span + (f"x{step}" if step > 1 and last > first else ""), "fps": self.units.fps})
         if scene.render.frame_map_old != scene.render.frame_map_new:
             self.notes.append("The scene's time stretching is left out: the shot runs at the frame rate")
 
@@ -158,9 +195,14 @@ class Writer:
 
     def falling(self) -> None:
         """Notes that nothing is below what falls: a newcomer's water is gone after a second."""
-        falls = [name for name, has in (("liquid", self.has_liquid), ("bodies", self.has_bodies), ("cloth", self.has_cloth)) if has]
-        is_held = "COLLIDER" in self.roles or (falls == ["cloth"] and all(each.pins for each in self.of("CLOTH")))
-        if falls and not is_held and self.scene.use_gravity:
+        if "COLLIDER" in self.roles or not (self.scene.use_gravity and any(self.scene.gravity)):
+            return
+        held = joints.held(self.of("CLOTH"))
+        is_liquid_held = any(each.role.use_liquid for each in held)
+        is_cloth_free = len(held) < len(self.of("CLOTH"))
+        has = (("liquid", self.has_liquid and not is_liquid_held), ("bodies", self.has_bodies), ("cloth", is_cloth_free))
+        falls = [name for name, is_free in has if is_free]
+        if falls:
             text = "will fall without end. Add a floor, tank or glass: Add > Meniscus"
             self.notes.append(f"The scene has no collider: {' and '.join(falls)} {text}")
 
@@ -275,9 +317,12 @@ class Writer:
             if common:
                 self.document.table("sheets", common)
             self.joints()
-        else:
-            for each in self.of("REGION"):
+        sheets = {each.source for each in self.of("CLOTH")}
+        for each in self.of("REGION"):
+            if not sheets:
                 self.shaper.note(each, "is left out, since the scene has no cloth")
+            elif each.role.region_of is not None and each.role.region_of not in sheets:
+                self.shaper.note(each, "is left out, since the object that it is of takes no part as cloth")
         for each in self.of("CLOTH"):
             role = each.role
             if self.has_liquid and role.use_liquid:
@@ -316,6 +361,7 @@ class Writer:
     def joints(self) -> None:
         """Points of two sheets that are held together."""
         sheets = {each.source: each for each in self.of("CLOTH")}
+        written: set[joints.Groups] = set()
         for each in self.of("CLOTH"):
             if each.role.joint_to is None:
                 continue
@@ -323,10 +369,16 @@ class Writer:
             if other is None:
                 self.shaper.note(each, "its joint is left out, since the other object takes no part as cloth")
                 continue
-            own, theirs, largest = joints.pairs(each, other)
+            pairs = joints.pairs(each, other)
+            if pairs.groups in written:
+                self.shaper.note(each, f"its joint is left out, since {printable(other.source.name)} has the same one, with its own settings")
+                continue
+            written.add(pairs.groups)
+            if pairs.free:
+                self.shaper.note(each, f"{pairs.free} point(s) of its joint stay free, since the two vertex groups have unequal numbers of points")
             values = settings.values(each.role.joint, "Joint", self.scale)
-            joints.check_exact(each, values, largest)
-            both = {"sheets": [each.asset, other.asset], "at": [{"points": own}, {"points": theirs}]}
+            joints.check_exact(each, values, pairs.largest)
+            both = {"sheets": [each.asset, other.asset], "at": [{"points": pairs.own}, {"points": pairs.theirs}]}
             self.document.table("sheets.joint", both | values, note=f"{each.source.name} to {other.source.name}", repeated=True)
 
     def couple(self, system: str, sheet: str, found: dict[str, object]) -> None:
@@ -379,7 +431,7 @@ class Writer:
 
     def surface(self) -> None:
         if self.has_liquid:
-            self.document.table("surface", surface_values(self.scene))
+            self.document.table("surface", surface_values(self.shot, self.scale))
         elif self.has_smoke:
             self.document.table("surface", SMOKE_SURFACE)
         if self.shot.use_whitewater and self.has_liquid:
@@ -392,9 +444,9 @@ class Writer:
 
     def camera(self) -> None:
         """The scene's camera in the first frame, for previews; a preset's camera is at rest, upright and in perspective."""
-        camera = self.scene.camera
-        if camera is None:
+        if self.camera_samples is None:
             return
+        camera = self.camera_samples.source
         name = printable(camera.name)
         if camera.type != "CAMERA" or camera.data.type != "PERSP":
             self.notes.append(f"{name}: left out of the preset, whose camera is one in perspective. The scene keeps it")
@@ -449,10 +501,10 @@ class Writer:
             self.document.lines += [f"{key} = {toml.number(value)}" for key, value in values.items()]
 
 
-def surface_values(scene: bpy.types.Scene) -> Table:
+def surface_values(shot: bpy.types.PropertyGroup, scale: float) -> Table:
     """The table of the liquid's surface."""
-    values = settings.values(scene.meniscus.surface, "SurfaceParams", scene.unit_settings.scale_length)
-    return Table(COLOURED | values) if scene.meniscus.use_colours else values
+    values = settings.values(shot.surface, "SurfaceParams", scale)
+    return Table(COLOURED | values) if shot.use_colours else values
 
 
 def clean_vector(vector: np.ndarray) -> list[float]:

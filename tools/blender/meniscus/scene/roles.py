@@ -170,8 +170,8 @@ def object_class() -> type:
             name="Join To", description="The cloth whose points are joined to this one's; the same object joins points of its own",
             type=bpy.types.Object, poll=is_cloth,
         )
-        joint_points: StringProperty(name="Points", description="Vertex group of this cloth: each of its points is joined to the nearest of the other's")
-        joint_other_points: StringProperty(name="Other Points", description="Vertex group of the other cloth. Of unequal groups, the farthest points stay free")
+        joint_points: StringProperty(name="Points", description="Vertex group of this cloth: its points and the other's are joined in pairs, one to one, nearest pair first")
+        joint_other_points: StringProperty(name="Other Points", description="Vertex group of the other cloth. Of groups of unequal size, the points that are farthest stay free")
         joint: PointerProperty(type=joint_group)
         region_of: PointerProperty(
             name="Cloth", description="The cloth that has the region; empty: all of it", type=bpy.types.Object, poll=is_cloth
@@ -223,6 +223,8 @@ def scene_class() -> type:
         sheets: PointerProperty(type=sheets_group)
         surface: PointerProperty(type=surface_group)
         whitewater: PointerProperty(type=whitewater_group)
+        # Of add.py.
+        added_smoke_spacing: FloatProperty(options={"HIDDEN"})
         volume: PointerProperty(type=volume_group)
 
     SceneShot.__name__ = "MENISCUS_PG_scene"

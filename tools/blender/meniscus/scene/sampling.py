@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """Operators that write the preset: at once from scripts and in background, in a window as a modal operator that Esc cancels.
 
-A frame of a heavy scene takes seconds to evaluate, so in a window a timer samples a few frames per tick. Other input waits:
+A frame of a heavy scene takes seconds to evaluate, so in a window a timer samples a few frames per tick. Other input of that window waits:
 an edit between two frames would be in half of the samples. Undo, loading and saving from another window cancel.
 """
 

@@ -8,8 +8,10 @@ from mathutils import Vector
 from .. import studio
 from ..studio import Box
 
-# Custom property of the camera: the matrix that this file gave it. An artist's own place is another.
+# Custom property of the camera: the matrix and the near clip distance that this file gave it. Those of an artist are others.
 PLACED = "meniscus_placed"
+# What this file changes.
+CHANGED_PATHS = ("location", "data.clip_start")
 # The camera stays where the objects are at least this part of their distance from it.
 SMALL = 0.035
 MARGIN = 0.3
@@ -35,13 +37,26 @@ def is_in_the_way(cube: bpy.types.Object, made: bpy.types.Object, layer: bpy.typ
 
 
 def is_free(camera: bpy.types.Object) -> bool:
-    """Whether no artist has placed a camera."""
+    """Whether no artist has placed a camera, or set it up."""
     if camera.name != "Camera" or camera.type != "CAMERA":
         return False
     placed = camera.get(PLACED)
-    if placed is not None:
-        return bool(np.allclose(np.array(camera.matrix_basis).ravel(), placed, atol=1e-6))
-    return studio.is_unchanged(camera)
+    if placed is None:
+        return studio.is_unchanged(camera)
+    expected = {path: value for path, value in studio.STARTUP_OBJECTS[camera.name].items() if path not in CHANGED_PATHS}
+    used = (camera.animation_data, camera.data.animation_data, camera.parent, *camera.children, *camera.constraints)
+    if any(used) or camera.data.users != 1 or len(camera.users_scene) != 1:
+        return False
+    return is_placed(camera, placed) and all(studio.is_equal(camera.path_resolve(path), value) for path, value in expected.items())
+
+
+def is_placed(camera: bpy.types.Object, placed: list[float]) -> bool:
+    current = placement(camera)
+    return len(placed) == len(current) and bool(np.allclose(current, placed, atol=1e-6))
+
+
+def placement(camera: bpy.types.Object) -> list[float]:
+    return [*np.array(camera.matrix_basis).ravel().tolist(), camera.data.clip_start]
 
 
 def frame(context: bpy.types.Context, camera: bpy.types.Object) -> bool:
@@ -64,5 +79,5 @@ def frame(context: bpy.types.Context, camera: bpy.types.Object) -> bool:
     corners = [(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
     camera.location, _ = camera.camera_fit_coords(graph, np.array(corners).ravel().tolist())
     camera.data.clip_start = min(camera.data.clip_start, 0.05 * box.size())
-    camera[PLACED] = np.array(camera.matrix_basis).ravel().tolist()
+    camera[PLACED] = placement(camera)
     return True
