@@ -213,12 +213,60 @@ def check_editing(folder: Path) -> None:
     check(found == (["Pool"], "Pool"), "the selection stays", found)
 
 
+def check_broken_result(folder: Path) -> None:
+    """A result that takes the place of another leaves the timer alive, and so does an error in one job."""
+    scene = empty(folder)
+    session, run = scene_module("session"), scene_module("run")
+    for name in ("Other", "Result"):
+        made = bpy.data.objects.new(name, None)
+        scene.collection.objects.link(made)
+        made.select_set(name == "Result")
+    bpy.context.view_layer.objects.active = made
+
+    class Ended(run.Job):
+        error_of_update = None
+
+        def update(self) -> bool:
+            if self.error_of_update is not None:
+                raise self.error_of_update
+            self.is_running, self.code = False, 0
+            return True
+
+    def replace(*_) -> list[str]:
+        bpy.data.objects.remove(bpy.data.objects["Result"])
+        scene.collection.objects.link(bpy.data.objects.new("Result", None))
+        return []
+
+    def ended(scene: bpy.types.Scene, name: str, error: Exception | None = None):
+        job = Ended(folder / name)
+        job.description, job.is_running = {"action": "simulate", "scene": scene.name}, True
+        job.error_of_update = error
+        session.begin(scene, job)
+        return job
+
+    before, session.show.show_all = session.show.show_all, replace
+    try:
+        broken = ended(bpy.data.scenes.new("Broken"), "broken", ValueError("planted"))
+        job = ended(scene, "sound")
+        seconds = [session.tick(), session.tick()]
+    except Exception as error:
+        seconds = [type(error).__name__]
+    finally:
+        session.show.show_all = before
+        session.opened()
+    check(all(isinstance(each, float) for each in seconds), "an error in one job does not end the timer", seconds)
+    check(sum("planted" in text for text in broken.messages) == 1, "it is a message of that job", list(broken.messages))
+    found = [each.name for each in bpy.context.selected_objects], getattr(bpy.context.view_layer.objects.active, "name", None)
+    check(not job.is_running and found == (["Result"], "Result"), "an object that replaces a selected one is selected", (found, list(job.messages)))
+
+
 def stage_logs(folder: Path) -> None:
     empty(folder)
     check_long_log(folder / "long")
     check_eta(folder / "eta")
     check_runner(folder / "runner")
     check_editing(folder / "editing")
+    check_broken_result(folder / "broken")
     check_saved_elsewhere(folder / "elsewhere")
     check_other_blender(folder / "other")
 
