@@ -14,6 +14,7 @@ from types import SimpleNamespace
 import bpy
 
 import harness
+import identities
 from harness import ADDON, check
 from scenes import empty, scene_module, wait
 
@@ -267,6 +268,7 @@ def stage_logs(folder: Path) -> None:
     check_runner(folder / "runner")
     check_editing(folder / "editing")
     check_broken_result(folder / "broken")
+    identities.check_deleted(folder / "deleted")
     check_saved_elsewhere(folder / "elsewhere")
     check_other_blender(folder / "other")
 

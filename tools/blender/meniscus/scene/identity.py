@@ -99,6 +99,10 @@ class Sources:
             exact = next((each for each in scene.objects if each.session_uid == number), None)
             if exact is not None:
                 return exact
+            if not any(each.session_uid == number and each.users_scene for each in bpy.data.objects):
+                # It is gone, and a copy that has its identifier is another object. Undo brings it back with its number.
+                return None
+            # It is in another scene, of which this one is a copy.
         marked = [each for each in scene.objects if identifier and each.meniscus.identifier == identifier]
         named = scene.objects.get(name) if isinstance(name, str) else None
         if named in marked or not marked:
