@@ -64,6 +64,13 @@ def check_eta(folder: Path) -> None:
         run.time = before
 
 
+def check_empty_frames(folder: Path) -> None:
+    """A frame without particles counts once, however many products are made of it."""
+    notes = [event("note", text=f"/shot/cache/frame_{frame:04}.mcf: no particles, so its {product} is empty") for frame in (1, 2) for product in ("surface", "droplets")]
+    job = scene_module("run").attach(job_files(folder, "".join(notes)))
+    check(list(job.messages) == ["2 frame(s) are empty: there were no particles"], "an empty frame counts once", list(job.messages))
+
+
 def sleeping(root: Path):
     """A job that does nothing for a minute."""
     run = scene_module("run")
@@ -155,6 +162,42 @@ def check_runner(folder: Path) -> None:
         runner.os.replace = before
     check(code == 0, "a state that cannot be written does not change the exit code", code)
     check_lock_errors(run, runner)
+
+
+def check_full_disk(folder: Path) -> None:
+    """On a full disk a pass is left out, and the simulation goes on; a runner that cannot write any state gives its reason."""
+    runner, run = scene_module("runner"), scene_module("run")
+    root = job_files(folder, "")
+    job = json.loads((root / "run" / "job.json").read_text()) | {"program": sys.executable, "cwd": str(folder)}
+    (root / "run" / "job.json").write_text(json.dumps(job))
+    frames = "import sys, time\nfor _ in range(3): time.sleep(0.25); print('\"event\":\"frame\"', file=sys.stderr, flush=True)"
+    step = {"name": "simulate", "arguments": ["-c", frames], "repeat": [{"name": "sheets", "arguments": ["-c", ""]}]}
+    found, before, pause = runner.Runner(root / "run"), runner.os.replace, runner.PASS_SECONDS
+    start, started = found.start, []
+
+    def start_once(arguments: list[str], log: str):
+        runner.os.replace = full if log == "sheets" else before
+        started.append(log)
+        if started.count("sheets") == 1 and log == "sheets":
+            full()
+        return start(arguments, log)
+
+    found.start, runner.PASS_SECONDS = start_once, 0.0
+    try:
+        code = found.run_step(step)
+    except OSError as error:
+        code = error
+    finally:
+        runner.os.replace, runner.PASS_SECONDS = before, pause
+    check(code == 0 and started.count("sheets") >= 2, "an error of a pass does not end the simulation", (code, started))
+    ended = run.Job(root)
+    ended.process = SimpleNamespace(poll=lambda: 1)
+    (root / "run" / "runner.log").write_text("the state cannot be written (planted)\n")
+    check(ended.reason() == "the state cannot be written (planted)", "a job that could write no state gives its reason", ended.reason())
+
+
+def full(*_) -> None:
+    raise OSError(errno.ENOSPC, "planted")
 
 
 def refuse(*_) -> None:
@@ -265,7 +308,9 @@ def stage_logs(folder: Path) -> None:
     empty(folder)
     check_long_log(folder / "long")
     check_eta(folder / "eta")
+    check_empty_frames(folder / "without particles")
     check_runner(folder / "runner")
+    check_full_disk(folder / "full")
     check_editing(folder / "editing")
     check_broken_result(folder / "broken")
     identities.check_deleted(folder / "deleted")
