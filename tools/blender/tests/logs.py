@@ -314,6 +314,7 @@ def stage_logs(folder: Path) -> None:
     check_editing(folder / "editing")
     check_broken_result(folder / "broken")
     identities.check_deleted(folder / "deleted")
+    identities.check_copied_later(folder / "copied later")
     check_saved_elsewhere(folder / "elsewhere")
     check_other_blender(folder / "other")
 

@@ -59,7 +59,8 @@ class Arrivals:
             files = ShotFolder(self.shot)
             self.surfaces(scene, files, job.frames_of(run.SURFACES))
             self.volumes(context, scene, files, job.frames_of(run.VOLUMES))
-            self.repeated(context, scene, files, job.passes())
+            notes = self.repeated(context, scene, files, job.passes())
+            job.messages.extend(note for note in notes if note not in job.messages)
             self.seen, self.failures = made_by(job), 0
         except ShotError:
             self.failures += 1
@@ -111,10 +112,12 @@ class Arrivals:
         self.shown[SMOKE.name] = count
         self.last["Smoke"] = output.frames.last
 
-    def repeated(self, context: bpy.types.Context, scene: bpy.types.Scene, files: ShotFolder, passes: dict[str, int]) -> None:
+    def repeated(self, context: bpy.types.Context, scene: bpy.types.Scene, files: ShotFolder, passes: dict[str, int]) -> list[str]:
+        """Updates what is made of all frames so far; what was reported about it."""
         new = {name for name, count in passes.items() if count != self.passes.get(name, 0)}
+        notes: list[str] = []
         if not new:
-            return
+            return notes
         shot = read_shot(self.shot)
         if run.WHITEWATER in new:
             for output in (each for each in shot.points if each.is_whitewater):
@@ -124,17 +127,19 @@ class Arrivals:
         if run.SHEETS in new:
             for sheet in shot.sheets:
                 check_sheet(sheet, files)
-            self.shapes(context, scene, shot, files, [(f"sheet:{each.name}", each.frames.last) for each in shot.sheets])
+            notes += self.shapes(context, scene, shot, files, [(f"sheet:{each.name}", each.frames.last) for each in shot.sheets])
         if run.BODIES in new:
-            self.bodies(context, scene, shot, files)
+            notes += self.bodies(context, scene, shot, files)
         self.passes = dict(passes)
+        return notes
 
-    def shapes(self, context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, files: ShotFolder, keys: list[tuple[str, int]]) -> None:
-        """Makes the results of cloth and bodies, which follow their files from then on."""
+    def shapes(self, context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, files: ShotFolder, keys: list[tuple[str, int]]) -> list[str]:
+        """Makes the results of cloth and bodies, which follow their files from then on; what was reported about it."""
         target, sources = show.target(scene), Sources(self.root)
         lacking = [key for key, _ in keys if key not in self.made or target.existing(key) is None]
+        notes: list[str] = []
         if lacking:
-            show.show_shapes(context, scene, shot, sources, files)
+            notes = show.show_shapes(context, scene, shot, sources, files)
             self.made.update(key for key, _ in keys)
         for key, last in keys:
             shown = target.existing(key)
@@ -142,8 +147,9 @@ class Arrivals:
                 # A modifier reads a point cache that has grown when its object is evaluated again.
                 shown.update_tag(refresh={"DATA"})
                 self.last[shown.name.removesuffix(" Simulated")] = last
+        return notes
 
-    def bodies(self, context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, files: ShotFolder) -> None:
+    def bodies(self, context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, files: ShotFolder) -> list[str]:
         sources, target = Sources(self.root), show.target(scene)
         found = [(each, f"body:{each.name}") for each in shot.colliders if sources.object(scene, each.name, "BODY") is not None]
         motions = {}
@@ -151,12 +157,13 @@ class Arrivals:
             motions[key] = read_motion(files, output.motion)
             check_cache(output, motions[key], files)
         known = self.made & motions.keys()
-        self.shapes(context, scene, shot, files, [(key, motion.first + len(motion.poses) - 1) for key, motion in motions.items()])
+        notes = self.shapes(context, scene, shot, files, [(key, motion.first + len(motion.poses) - 1) for key, motion in motions.items()])
         for key in known:
             shown = target.existing(key)
             if shown is not None:
                 colliders.forget(shown)
                 show.moved(shown, motions[key], scene.unit_settings.scale_length)
+        return notes
 
 
 def made_by(job: run.Job) -> tuple:

@@ -180,7 +180,8 @@ def finish(scene: bpy.types.Scene, job: run.Job) -> None:
 def show_result(scene: bpy.types.Scene, job: run.Job) -> None:
     with in_scene(scene) as window:
         try:
-            job.messages.extend(show.show_all(bpy.context, scene, job.shot))
+            notes = show.show_all(bpy.context, scene, job.shot)
+            job.messages.extend(note for note in notes if note not in job.messages)
         except ShotError as error:
             job.error = str(error)
     if window:

@@ -53,18 +53,18 @@ def show_all(context: bpy.types.Context, scene: bpy.types.Scene, folder: Path) -
         target(scene).sequence(output, path, shot.viscosity)
     for output in shot.volumes:
         target(scene).volume(context, output, path, frames[output], shot.viscosity)
-    show_shapes(context, scene, shot, Sources(folder.parent), files)
-    return notes
+    return notes + show_shapes(context, scene, shot, Sources(folder.parent), files)
 
 
-def show_shapes(context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, sources: Sources, files: ShotFolder) -> None:
-    """Shows cloth, bodies and tanks with a look. Raises ShotError."""
+def show_shapes(context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, sources: Sources, files: ShotFolder) -> list[str]:
+    """Shows cloth, bodies and tanks with a look; what was reported about it. Raises ShotError."""
     keys = {each.name: f"sheet:{each.name}" for each in shot.sheets} | {each.name: f"body:{each.name}" for each in shot.colliders}
     sources.relabel(scene, OUTPUT, keys)
     copies, path = copies_of(context, scene, shot, sources), outputs.shot_folder(files.root, "AUTO")
     for sheet in shot.sheets:
         show_cloth(context, scene, sheet, sources, copies, files, path)
     show_solids(context, scene, shot, sources, copies, files)
+    return sources.lacking(scene, [each.name for each in shot.sheets], "CLOTH") + sources.lacking(scene, [each.name for each in shot.colliders], "BODY")
 
 
 def copies_of(context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, sources: Sources) -> dict[str, bpy.types.Object]:
