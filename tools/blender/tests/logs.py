@@ -13,6 +13,7 @@ from types import SimpleNamespace
 
 import bpy
 
+import arriving
 import harness
 import identities
 from harness import ADDON, check
@@ -313,6 +314,8 @@ def stage_logs(folder: Path) -> None:
     check_full_disk(folder / "full")
     check_editing(folder / "editing")
     check_broken_result(folder / "broken")
+    arriving.check_late_smoke(folder / "late smoke")
+    arriving.check_renamed_result(folder / "renamed result")
     identities.check_deleted(folder / "deleted")
     identities.check_copied_later(folder / "copied later")
     check_saved_elsewhere(folder / "elsewhere")
