@@ -2,6 +2,7 @@
 """Tests of which object an output belongs to, for the stage of logs.py: no engine, presets that are only written."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 
@@ -74,3 +75,34 @@ def check_copied_later(folder: Path) -> None:
     bpy.ops.wm.save_mainfile()
     marked = [each.name for each in scene.objects if each.meniscus.identifier]
     check(marked == ["Cloth"], "the saved file has an identifier once then", marked)
+
+
+def check_view_layers(folder: Path) -> None:
+    """An object that the first view layer excludes has a result with its modifiers, and is hidden in every layer."""
+    scene = empty(folder)
+    body = add("body")
+    body.modifiers.new("Array", "ARRAY").count = 2
+    scene_module("preset").write(bpy.context)
+    collection = bpy.data.collections.new("Bodies")
+    scene.collection.children.link(collection)
+    for each in body.users_collection:
+        each.objects.unlink(body)
+    collection.objects.link(body)
+    first, second = scene.view_layers[0], scene.view_layers.new("Second")
+    show, shot = scene_module("show"), SimpleNamespace(sheets=[], colliders=[SimpleNamespace(name="Body")], frames=SimpleNamespace(first=1))
+
+    def result() -> tuple[int, list[str]]:
+        with scene_module("session").in_scene(scene):
+            copies, notes = show.copies_of(bpy.context, scene, shot, sources(folder))
+        return len(copies["Body"].data.vertices), notes
+
+    expected = result()
+    first.layer_collection.children["Bodies"].exclude = True
+    check(result() == expected and not expected[1], "a result has its object's modifiers where the first view layer excludes it", (result(), expected))
+    shown = bpy.data.objects.new("Body Simulated", None)
+    show.stand_in(shown, body, scene)
+    check(body.hide_get(view_layer=second), "the object is hidden in the other view layer")
+    check(result() == expected and body.hide_get(view_layer=second), "its own eye changes nothing, and stays closed", result())
+    second.layer_collection.children["Bodies"].exclude = True
+    count, notes = result()
+    check(count < expected[0] and len(notes) == 1 and "Body" in notes[0], "an object that every view layer excludes is reported", (count, notes))

@@ -318,6 +318,7 @@ def stage_logs(folder: Path) -> None:
     arriving.check_renamed_result(folder / "renamed result")
     identities.check_deleted(folder / "deleted")
     identities.check_copied_later(folder / "copied later")
+    identities.check_view_layers(folder / "view layers")
     check_saved_elsewhere(folder / "elsewhere")
     check_other_blender(folder / "other")
 
