@@ -93,7 +93,7 @@ def check_view_layers(folder: Path) -> None:
 
     def result() -> tuple[int, list[str]]:
         with scene_module("session").in_scene(scene):
-            copies, notes = show.copies_of(bpy.context, scene, shot, sources(folder))
+            copies, notes = (call(bpy.context, scene, shot, sources(folder)) for call in (show.copies_of, show.lacking))
         return len(copies["Body"].data.vertices), notes
 
     expected = result()

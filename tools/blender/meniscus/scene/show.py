@@ -61,31 +61,38 @@ def show_shapes(context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, 
     keys = {each.name: f"sheet:{each.name}" for each in shot.sheets} | {each.name: f"body:{each.name}" for each in shot.colliders}
     sources.relabel(scene, OUTPUT, keys)
     path = outputs.shot_folder(files.root, "AUTO")
-    copies, notes = copies_of(context, scene, shot, sources)
+    copies, notes = copies_of(context, scene, shot, sources), lacking(context, scene, shot, sources)
     for sheet in shot.sheets:
         show_cloth(context, scene, sheet, sources, copies, files, path)
     show_solids(context, scene, shot, sources, copies, files)
-    notes += sources.lacking(scene, [each.name for each in shot.sheets], "CLOTH")
-    return notes + sources.lacking(scene, [each.name for each in shot.colliders], "BODY")
+    return notes
 
 
-def copies_of(context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, sources: Sources) -> tuple[Copies, list[str]]:
-    """Copies of the objects of bodies and cloth as they are in the first frame, by their outputs' names; what was reported about them."""
+def sources_of(scene: bpy.types.Scene, shot: Shot, sources: Sources) -> list[tuple[str, str, bpy.types.Object]]:
+    """Output, role and object of the shot's bodies and cloth that the scene has."""
     pairs = [(each.name, "CLOTH") for each in shot.sheets] + [(each.name, "BODY") for each in shot.colliders]
-    found = [(name, role, source) for name, role in pairs if (source := sources.object(scene, name, role)) is not None]
-    copies, notes = {}, []
-    layers = {name: layer_of(context, scene, source) for name, _, source in found}
-    for name, _, source in found:
-        if layers[name] is None:
-            text = "every view layer excludes or hides it, so its result lacks modifiers. Enable it in viewports and show the result again"
-            notes.append(f"{printable(source.name)}: {text}")
+    return [(name, role, source) for name, role in pairs if (source := sources.object(scene, name, role)) is not None]
+
+
+def copies_of(context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, sources: Sources) -> Copies:
+    """Copies of the objects of bodies and cloth as they are in the first frame, by their outputs' names."""
+    found, copies = sources_of(scene, shot, sources), {}
+    layers = {name: layer_of(context, scene, source) or context.view_layer for name, _, source in found}
     # Blender evaluates an object only in view layers that have it.
-    for layer in dict.fromkeys(layer or context.view_layer for layer in layers.values()):
-        some = [one for one in found if (layers[one[0]] or context.view_layer) == layer]
+    for layer in dict.fromkeys(layers.values()):
+        some = [one for one in found if layers[one[0]] == layer]
         with context.temp_override(scene=scene, view_layer=layer), quiet(context, [source for *_, source in some if source.name in layer.objects]):
             scene.frame_set(min(shot.frames.first, MAX_SCENE_FRAME))
             copies |= {name: copy_of(context, source, sources.start(name), place=role == "CLOTH") for name, role, source in some}
-    return copies, notes
+    return copies
+
+
+def lacking(context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, sources: Sources) -> list[str]:
+    """Messages on objects that are gone, or that no view layer evaluates."""
+    text = "every view layer excludes or hides it, so its result lacks modifiers. Enable it in viewports and show the result again"
+    notes = [f"{printable(source.name)}: {text}" for *_, source in sources_of(scene, shot, sources) if layer_of(context, scene, source) is None]
+    notes += sources.lacking(scene, [each.name for each in shot.sheets], "CLOTH")
+    return notes + sources.lacking(scene, [each.name for each in shot.colliders], "BODY")
 
 
 def layer_of(context: bpy.types.Context, scene: bpy.types.Scene, source: bpy.types.Object) -> bpy.types.ViewLayer | None:
