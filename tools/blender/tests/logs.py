@@ -13,7 +13,9 @@ from types import SimpleNamespace
 
 import bpy
 
+import arriving
 import harness
+import identities
 from harness import ADDON, check
 from scenes import empty, scene_module, wait
 
@@ -61,6 +63,13 @@ def check_eta(folder: Path) -> None:
         check(job.eta() is not None and abs(job.eta() - 30.0) < 0.1, "10 % in 10 s leave 30 s for 30 %", job.eta())
     finally:
         run.time = before
+
+
+def check_empty_frames(folder: Path) -> None:
+    """A frame without particles counts once, however many products are made of it."""
+    notes = [event("note", text=f"/shot/cache/frame_{frame:04}.mcf: no particles, so its {product} is empty") for frame in (1, 2) for product in ("surface", "droplets")]
+    job = scene_module("run").attach(job_files(folder, "".join(notes)))
+    check(list(job.messages) == ["2 frame(s) are empty: there were no particles"], "an empty frame counts once", list(job.messages))
 
 
 def sleeping(root: Path):
@@ -156,6 +165,42 @@ def check_runner(folder: Path) -> None:
     check_lock_errors(run, runner)
 
 
+def check_full_disk(folder: Path) -> None:
+    """On a full disk a pass is left out, and the simulation goes on; a runner that cannot write any state gives its reason."""
+    runner, run = scene_module("runner"), scene_module("run")
+    root = job_files(folder, "")
+    job = json.loads((root / "run" / "job.json").read_text()) | {"program": sys.executable, "cwd": str(folder)}
+    (root / "run" / "job.json").write_text(json.dumps(job))
+    frames = "import sys, time\nfor _ in range(3): time.sleep(0.25); print('\"event\":\"frame\"', file=sys.stderr, flush=True)"
+    step = {"name": "simulate", "arguments": ["-c", frames], "repeat": [{"name": "sheets", "arguments": ["-c", ""]}]}
+    found, before, pause = runner.Runner(root / "run"), runner.os.replace, runner.PASS_SECONDS
+    start, started = found.start, []
+
+    def start_once(arguments: list[str], log: str):
+        runner.os.replace = full if log == "sheets" else before
+        started.append(log)
+        if started.count("sheets") == 1 and log == "sheets":
+            full()
+        return start(arguments, log)
+
+    found.start, runner.PASS_SECONDS = start_once, 0.0
+    try:
+        code = found.run_step(step)
+    except OSError as error:
+        code = error
+    finally:
+        runner.os.replace, runner.PASS_SECONDS = before, pause
+    check(code == 0 and started.count("sheets") >= 2, "an error of a pass does not end the simulation", (code, started))
+    ended = run.Job(root)
+    ended.process = SimpleNamespace(poll=lambda: 1)
+    (root / "run" / "runner.log").write_text("the state cannot be written (planted)\n")
+    check(ended.reason() == "the state cannot be written (planted)", "a job that could write no state gives its reason", ended.reason())
+
+
+def full(*_) -> None:
+    raise OSError(errno.ENOSPC, "planted")
+
+
 def refuse(*_) -> None:
     raise PermissionError(errno.EACCES, "planted")
 
@@ -213,12 +258,67 @@ def check_editing(folder: Path) -> None:
     check(found == (["Pool"], "Pool"), "the selection stays", found)
 
 
+def check_broken_result(folder: Path) -> None:
+    """A result that takes the place of another leaves the timer alive, and so does an error in one job."""
+    scene = empty(folder)
+    session, run = scene_module("session"), scene_module("run")
+    for name in ("Other", "Result"):
+        made = bpy.data.objects.new(name, None)
+        scene.collection.objects.link(made)
+        made.select_set(name == "Result")
+    bpy.context.view_layer.objects.active = made
+
+    class Ended(run.Job):
+        error_of_update = None
+
+        def update(self) -> bool:
+            if self.error_of_update is not None:
+                raise self.error_of_update
+            self.is_running, self.code = False, 0
+            return True
+
+    def replace(*_) -> list[str]:
+        bpy.data.objects.remove(bpy.data.objects["Result"])
+        scene.collection.objects.link(bpy.data.objects.new("Result", None))
+        return []
+
+    def ended(scene: bpy.types.Scene, name: str, error: Exception | None = None):
+        job = Ended(folder / name)
+        job.description, job.is_running = {"action": "simulate", "scene": scene.name}, True
+        job.error_of_update = error
+        session.begin(scene, job)
+        return job
+
+    before, session.show.show_all = session.show.show_all, replace
+    try:
+        broken = ended(bpy.data.scenes.new("Broken"), "broken", ValueError("planted"))
+        job = ended(scene, "sound")
+        seconds = [session.tick(), session.tick()]
+    except Exception as error:
+        seconds = [type(error).__name__]
+    finally:
+        session.show.show_all = before
+        session.opened()
+    check(all(isinstance(each, float) for each in seconds), "an error in one job does not end the timer", seconds)
+    check(sum("planted" in text for text in broken.messages) == 1, "it is a message of that job", list(broken.messages))
+    found = [each.name for each in bpy.context.selected_objects], getattr(bpy.context.view_layer.objects.active, "name", None)
+    check(not job.is_running and found == (["Result"], "Result"), "an object that replaces a selected one is selected", (found, list(job.messages)))
+
+
 def stage_logs(folder: Path) -> None:
     empty(folder)
     check_long_log(folder / "long")
     check_eta(folder / "eta")
+    check_empty_frames(folder / "without particles")
     check_runner(folder / "runner")
+    check_full_disk(folder / "full")
     check_editing(folder / "editing")
+    check_broken_result(folder / "broken")
+    arriving.check_late_smoke(folder / "late smoke")
+    arriving.check_renamed_result(folder / "renamed result")
+    identities.check_deleted(folder / "deleted")
+    identities.check_copied_later(folder / "copied later")
+    identities.check_view_layers(folder / "view layers")
     check_saved_elsewhere(folder / "elsewhere")
     check_other_blender(folder / "other")
 

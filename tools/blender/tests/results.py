@@ -335,7 +335,19 @@ def check_colours(folder: Path) -> None:
     for kind in ("tank", "pool", "drop"):
         add(kind)
     scene.meniscus.liquid.spacing, scene.frame_end, scene.meniscus.use_colours = 0.08, 200, True
-    arrivals(scene, lambda: water(scene) is not None)
+    applied = []
+
+    def replaced() -> bool:
+        shown = water(scene)
+        if shown is not None and not applied:
+            # As Apply does: the next surfaces need another object.
+            shown.modifiers.clear()
+            shown.select_set(True)
+            applied.append(shown.session_uid)
+        return shown is not None and shown.session_uid not in applied
+
+    arrivals(scene, replaced)
+    check(water(scene).select_get(), "a surface without its modifier is replaced, and selected as it was")
     names = [each.name for each in water(scene).data.materials]
     check(sequence_input(water(scene), "Colours") and names == ["Liquids"], "surfaces that arrive have colours", names)
     scene.frame_end = 3

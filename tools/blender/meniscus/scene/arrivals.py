@@ -16,6 +16,7 @@ from ..headers import MAX_PLY_HEADER_BYTES, check_ply, head
 from ..messages import ShotError
 from ..motion import read_motion
 from ..shot import FOG, FRAME_NUMBER, Frames, MeshOutput, SequenceOutput, Shot, VolumeOutput, below, read_shot
+from ..update import IMPORT, OUTPUT
 from ..vdb import check_vdb
 from ..viscosity import read_viscosity
 from . import run, show
@@ -23,6 +24,8 @@ from .identity import Sources
 
 SURFACE = MeshOutput("liquid", f"mesh/liquid_{FRAME_NUMBER}.ply", Frames(0, 0, 1), True)
 SMOKE = VolumeOutput("smoke", f"volume/smoke_{FRAME_NUMBER}.vdb", Frames(0, 0, 1), True, (FOG, "velocity"))
+# Names in the panel; cloth and bodies have those of their objects.
+LABELS = {"mesh:liquid": "Surface", "volume:smoke": "Smoke", "points:whitewater": "Whitewater"}
 # Property of surfaces with colours.
 SOURCE = b" source\n"
 # A file may be replaced while it is read: so many looks may fail in a row.
@@ -34,13 +37,15 @@ class Arrivals:
 
     def __init__(self, job: run.Job, frames: list[int]) -> None:
         self.shot, self.root, self.frames = job.shot, job.root, frames
-        # Numbers of frames in a row that have a file, and those that are shown.
-        self.shown: dict[str, int] = {}
+        # Numbers of frames in a row whose files were checked, by sequence, and of passes that were shown.
+        self.checked: dict[str, int] = {}
         self.passes: dict[str, int] = {}
         # Keys of results whose objects are those of this job.
         self.made: set[str] = set()
-        # The last frame that is shown, by what shows it.
+        # The last frame that is shown, by the key of the output.
         self.last: dict[str, int] = {}
+        # The session_uid of the scene that shows it.
+        self.scene = 0
         self.failures = 0
         self.seen: tuple = ()
 
@@ -50,16 +55,21 @@ class Arrivals:
 
     def text(self) -> str:
         """What is shown so far, for the panel; empty if nothing is."""
-        return "Shown to frame: " + ", ".join(f"{name} {frame}" for name, frame in self.last.items()) if self.last else ""
+        scene = next((each for each in bpy.data.scenes if each.session_uid == self.scene), None)
+        own = [each for each in scene.objects if each.get(OUTPUT) and not each.get(IMPORT)] if scene and self.last else []
+        names = {each[OUTPUT]: each.name.removesuffix(" Simulated") for each in own}
+        parts = [f"{LABELS.get(key) or names[key]} {frame}" for key, frame in self.last.items() if key in names]
+        return f"Shown to frame: {', '.join(parts)}" if parts else ""
 
     def update(self, context: bpy.types.Context, scene: bpy.types.Scene, job: run.Job) -> bool:
         """Shows what was made since the last look; whether there was any. Raises ShotError, and has then to be given up."""
-        before = dict(self.last)
+        before, self.scene = dict(self.last), scene.session_uid
         try:
             files = ShotFolder(self.shot)
             self.surfaces(scene, files, job.frames_of(run.SURFACES))
             self.volumes(context, scene, files, job.frames_of(run.VOLUMES))
-            self.repeated(context, scene, files, job.passes())
+            notes = self.repeated(context, scene, files, job.passes())
+            job.messages.extend(note for note in notes if note not in job.messages)
             self.seen, self.failures = made_by(job), 0
         except ShotError:
             self.failures += 1
@@ -69,7 +79,7 @@ class Arrivals:
 
     def arrived(self, output: SequenceOutput, files: ShotFolder, reported: set[int]) -> int:
         """How many frames in a row have a file of a sequence."""
-        count = self.shown.get(output.name, 0)
+        count = self.checked.get(output.name, 0)
         while count < len(self.frames) and self.frames[count] in reported and files.has(output.path(self.frames[count])):
             count += 1
         return count
@@ -79,7 +89,7 @@ class Arrivals:
         return Frames(self.frames[0], self.frames[count - 1], step)
 
     def surfaces(self, scene: bpy.types.Scene, files: ShotFolder, reported: set[int]) -> None:
-        before, count = self.shown.get(SURFACE.name, 0), self.arrived(SURFACE, files, reported)
+        before, count = self.checked.get(SURFACE.name, 0), self.arrived(SURFACE, files, reported)
         if count == before:
             return
         for frame in self.frames[before:count]:
@@ -87,15 +97,16 @@ class Arrivals:
         content, _ = head(files, SURFACE.path(self.frames[before]), MAX_PLY_HEADER_BYTES)
         output = MeshOutput(SURFACE.name, SURFACE.pattern, self.span(count), True, SOURCE in content.partition(b"element face")[0])
         show.target(scene).sequence(output, outputs.shot_folder(files.root, "AUTO"), read_viscosity(self.shot))
-        self.shown[SURFACE.name] = count
-        self.last["Surface"] = output.frames.last
+        self.checked[SURFACE.name] = count
+        self.last[outputs.key_of(output)] = output.frames.last
 
     def volumes(self, context: bpy.types.Context, scene: bpy.types.Scene, files: ShotFolder, reported: set[int]) -> None:
-        before, count = self.shown.get(SMOKE.name, 0), self.arrived(SMOKE, files, reported)
+        before, count = self.checked.get(SMOKE.name, 0), self.arrived(SMOKE, files, reported)
         if count == before:
             return
         for frame in self.frames[before:count]:
             check_vdb(files, SMOKE.path(frame))
+        self.checked[SMOKE.name] = count
         output = VolumeOutput(SMOKE.name, SMOKE.pattern, self.span(count), True, SMOKE.grids)
         folder, key = outputs.shot_folder(files.root, "AUTO"), outputs.key_of(output)
         shown = show.target(scene).existing(key)
@@ -104,46 +115,51 @@ class Arrivals:
         else:
             # The material's density follows from the size of the smoke: without any it is too early.
             newest = self.frames[before:count]
-            if volumes.extent(context, SMOKE.name, [below(folder, output.path(frame)) for frame in newest]) is None:
+            first = next((index for index, frame in enumerate(newest) if has_smoke(context, below(folder, output.path(frame)))), None)
+            if first is None:
                 return
-            show.target(scene).volume(context, output, folder, newest, 0.0)
+            show.target(scene).volume(context, output, folder, newest[first:], 0.0)
             self.made.add(key)
-        self.shown[SMOKE.name] = count
-        self.last["Smoke"] = output.frames.last
+        self.last[key] = output.frames.last
 
-    def repeated(self, context: bpy.types.Context, scene: bpy.types.Scene, files: ShotFolder, passes: dict[str, int]) -> None:
+    def repeated(self, context: bpy.types.Context, scene: bpy.types.Scene, files: ShotFolder, passes: dict[str, int]) -> list[str]:
+        """Updates what is made of all frames so far; what was reported about it."""
         new = {name for name, count in passes.items() if count != self.passes.get(name, 0)}
+        notes: list[str] = []
         if not new:
-            return
+            return notes
         shot = read_shot(self.shot)
         if run.WHITEWATER in new:
             for output in (each for each in shot.points if each.is_whitewater):
                 check_sequence(output, files, lambda _text: None)
                 show.target(scene).sequence(output, outputs.shot_folder(files.root, "AUTO"), shot.viscosity)
-                self.last["Whitewater"] = output.frames.last
+                self.last[outputs.key_of(output)] = output.frames.last
         if run.SHEETS in new:
             for sheet in shot.sheets:
                 check_sheet(sheet, files)
-            self.shapes(context, scene, shot, files, [(f"sheet:{each.name}", each.frames.last) for each in shot.sheets])
+            notes += self.shapes(context, scene, shot, files, [(f"sheet:{each.name}", each.frames.last) for each in shot.sheets])
         if run.BODIES in new:
-            self.bodies(context, scene, shot, files)
+            notes += self.bodies(context, scene, shot, files)
         self.passes = dict(passes)
+        return notes
 
-    def shapes(self, context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, files: ShotFolder, keys: list[tuple[str, int]]) -> None:
-        """Makes the results of cloth and bodies, which follow their files from then on."""
+    def shapes(self, context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, files: ShotFolder, keys: list[tuple[str, int]]) -> list[str]:
+        """Makes the results of cloth and bodies, which follow their files from then on; what was reported about it."""
         target, sources = show.target(scene), Sources(self.root)
         lacking = [key for key, _ in keys if key not in self.made or target.existing(key) is None]
+        notes: list[str] = []
         if lacking:
-            show.show_shapes(context, scene, shot, sources, files)
+            notes = show.show_shapes(context, scene, shot, sources, files)
             self.made.update(key for key, _ in keys)
         for key, last in keys:
             shown = target.existing(key)
             if shown is not None:
                 # A modifier reads a point cache that has grown when its object is evaluated again.
                 shown.update_tag(refresh={"DATA"})
-                self.last[shown.name.removesuffix(" Simulated")] = last
+                self.last[key] = last
+        return notes
 
-    def bodies(self, context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, files: ShotFolder) -> None:
+    def bodies(self, context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, files: ShotFolder) -> list[str]:
         sources, target = Sources(self.root), show.target(scene)
         found = [(each, f"body:{each.name}") for each in shot.colliders if sources.object(scene, each.name, "BODY") is not None]
         motions = {}
@@ -151,12 +167,17 @@ class Arrivals:
             motions[key] = read_motion(files, output.motion)
             check_cache(output, motions[key], files)
         known = self.made & motions.keys()
-        self.shapes(context, scene, shot, files, [(key, motion.first + len(motion.poses) - 1) for key, motion in motions.items()])
+        notes = self.shapes(context, scene, shot, files, [(key, motion.first + len(motion.poses) - 1) for key, motion in motions.items()])
         for key in known:
             shown = target.existing(key)
             if shown is not None:
                 colliders.forget(shown)
                 show.moved(shown, motions[key], scene.unit_settings.scale_length)
+        return notes
+
+
+def has_smoke(context: bpy.types.Context, path: str) -> bool:
+    return volumes.extent(context, SMOKE.name, [path]) is not None
 
 
 def made_by(job: run.Job) -> tuple:

@@ -2,8 +2,8 @@
 """Which object of a scene an asset was made of, also after it was renamed.
 
 `assets/objects.json` has three marks of each object. Its `session_uid` is exact, survives renames and undo, and ends when a file is
-loaded. The identifier that its role keeps survives saving and is lost by undo; copies have it, too, until the file is saved. Its name is
-the last resort.
+loaded. The identifier that its role keeps survives saving and is lost by undo; copies have it, too, until the file is saved, but are made
+after the file was loaded. Its name is the last resort.
 """
 
 import uuid
@@ -12,7 +12,7 @@ from pathlib import Path
 import bpy
 from mathutils import Matrix
 
-from ..messages import ShotError
+from ..messages import ShotError, printable
 from . import assets
 from .places import folder_of
 from .sample import Sampled
@@ -23,10 +23,15 @@ SOURCE = "meniscus_source"
 session = uuid.uuid4().hex
 
 
+# The largest `session_uid` of the objects that were loaded with the file: those of objects made later are larger. 0 if that is not known.
+newest = 0
+
+
 @bpy.app.handlers.persistent
 def loaded(*_) -> None:
-    global session
+    global session, newest
     session = uuid.uuid4().hex
+    newest = max((each.session_uid for each in bpy.data.objects), default=0)
 
 
 @bpy.app.handlers.persistent
@@ -37,10 +42,12 @@ def saving(*_) -> None:
             sources = Sources(folder_of(scene))
         except ShotError:
             continue
-        numbers = {entry.get("identifier"): entry.get("session_uid") for entry in sources.objects.values()}
-        for each in scene.objects if sources.is_of_session else []:
-            if numbers.get(each.meniscus.identifier, each.session_uid) != each.session_uid:
-                each.meniscus.identifier = ""
+        for entry in sources.objects.values():
+            marked = sources.marked(scene, entry)
+            originals = sources.originals(marked, entry)
+            for each in marked:
+                if each not in originals and each.library is None:
+                    each.meniscus.identifier = ""
 
 
 def register() -> None:
@@ -69,6 +76,7 @@ def entries(sampled: list[Sampled]) -> dict[str, dict[str, object]]:
     return {
         each.asset: {
             "object": each.source.name,
+            "role": each.source.meniscus.role,
             "identifier": each.source.meniscus.identifier,
             "session_uid": each.source.session_uid,
             "start": each.matrices[0].ravel().tolist(),
@@ -99,13 +107,46 @@ class Sources:
             exact = next((each for each in scene.objects if each.session_uid == number), None)
             if exact is not None:
                 return exact
-        marked = [each for each in scene.objects if identifier and each.meniscus.identifier == identifier]
+            if not any(each.session_uid == number and each.users_scene for each in bpy.data.objects):
+                # It is gone, and a copy that has its identifier is another object. Undo brings it back with its number.
+                return None
+            # It is in another scene, of which this one is a copy.
+        every = self.marked(scene, entry)
+        marked = every if self.is_of_session else self.originals(every, entry)
         named = scene.objects.get(name) if isinstance(name, str) else None
+        if named in every and named not in marked:
+            # A copy that has taken the name.
+            named = None
         if named in marked or not marked:
             # An object that has taken the name of another is not the other.
             others = {one.get("identifier") for one in self.objects.values()} - {identifier}
             return named if named is not None and named.meniscus.identifier not in others - {""} else None
         return marked[0] if len(marked) == 1 else None
+
+    def marked(self, scene: bpy.types.Scene, entry: dict) -> list[bpy.types.Object]:
+        """The objects with the identifier of an entry: the original, and copies of it."""
+        identifier = entry.get("identifier")
+        return [each for each in scene.objects if identifier and each.meniscus.identifier == identifier]
+
+    def originals(self, marked: list[bpy.types.Object], entry: dict) -> list[bpy.types.Object]:
+        """Of the objects with one identifier the one that it was given to; several if they cannot be distinguished."""
+        if self.is_of_session:
+            return [each for each in marked if each.session_uid == entry.get("session_uid")]
+        # The identifier was in the file: what was made after it was loaded is a copy.
+        loaded = [each for each in marked if not newest or each.session_uid <= newest]
+        named = [each for each in loaded if each.name == entry.get("object")]
+        return named[:1] or loaded
+
+    def lacking(self, scene: bpy.types.Scene, outputs: list[str], role: str) -> list[str]:
+        """Messages on outputs of objects with a role that are not in the scene any more, or have another role."""
+        shown = "the result has the engine's mesh, without materials and UV map" if role == "CLOTH" else "the result is not shown"
+        notes = []
+        for output in outputs:
+            entry = self.objects.get(output)
+            if entry is not None and entry.get("role") == role and self.object(scene, output, role) is None:
+                name = printable(entry.get("object"))
+                notes.append(f"{printable(output)}: its object {name} is not found, or has another role now; {shown}. Simulate again for what the scene has")
+        return notes
 
     def start(self, asset: str) -> Matrix | None:
         """The world matrix in the first frame, with lengths in metres."""

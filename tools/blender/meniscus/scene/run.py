@@ -7,6 +7,7 @@ added to them, so a job is the same whether this Blender started it or another t
 
 import json
 import os
+import re
 import subprocess
 import sys
 import time
@@ -53,6 +54,8 @@ REASONS = {
 PAUSED = runner.INTERRUPTED
 # Part of the engine's note on a frame without particles.
 EMPTY = "no particles, so its"
+# The frame in the name of a file of the cache.
+CACHED = re.compile(r"frame_(\d{1,9})\.mcf")
 
 
 class Log:
@@ -122,8 +125,8 @@ class Job:
         self.process: subprocess.Popen | None = None
         self.messages: deque[str] = deque(maxlen=SHOWN_MESSAGES)
         self.error = ""
-        # Notes on frames without particles.
-        self.empty: set[str] = set()
+        # Frames without particles.
+        self.empty: set[int] = set()
         self.is_running = False
         self.code: int | None = None
         self.description: dict = {}
@@ -207,8 +210,8 @@ class Job:
             if event == "error":
                 self.error = text
             if event == "note" and EMPTY in text:
-                # One for each frame before an emitter starts.
-                self.empty.add(text)
+                # One for each frame before an emitter starts, of each product.
+                self.empty.add(int((CACHED.findall(text) or [-1])[-1]))
             # Several commands of a job note the same.
             elif event == "note" and text not in self.messages:
                 self.messages.append(text)
@@ -220,11 +223,18 @@ class Job:
             return printable(self.state["error"], 500)
         if self.code is None:
             started = self.process is not None and not self.state
-            code = self.process.poll() if started else None
-            if code == runner.LOCKED:
+            code = self.process.poll() if self.process is not None else None
+            if started and code == runner.LOCKED:
                 return REASONS[11]
-            return "the job did not start" if started else "the job was ended from outside; Resume continues it"
+            # A runner that ends by itself without a state could not write it, and printed why.
+            printed = self.last_printed() if code is not None and code > 0 else ""
+            return printed or ("the job did not start" if started else "the job was ended from outside; Resume continues it")
         return REASONS.get(self.code, f"exit code {self.code}")
+
+    def last_printed(self) -> str:
+        """The last line that the runner itself printed; empty if there is none."""
+        lines = Log(self.folder / "runner.log").lines()
+        return printable(lines[-1], 500) if lines else ""
 
     def percent(self) -> float:
         return self.progress.get(self.step, Progress()).percent

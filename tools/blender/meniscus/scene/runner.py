@@ -77,6 +77,14 @@ def open_lock(path: Path):
     return os.fdopen(os.open(path, flags, 0o666), "r+b")
 
 
+def print_error(text: str) -> None:
+    """Prints a line to runner.log, unless its disk is full as well."""
+    try:
+        print(text, file=sys.stderr, flush=True)
+    except OSError:
+        pass
+
+
 class Runner:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -160,7 +168,7 @@ class Runner:
         try:
             write_state(self.folder, self.state)
         except OSError as error:
-            print(f"{self.folder}: the state cannot be written ({error})", file=sys.stderr)
+            print_error(f"{self.folder}: the state cannot be written ({error})")
 
 
 class Passes:
@@ -183,17 +191,26 @@ class Passes:
         return self.process is not None and self.process.poll() is None
 
     def look(self, may_start: bool) -> None:
-        """Ends a command that is done, and starts the next if there are new frames for it."""
+        """Ends a command that is done, and starts the next if there are new frames for it. Its errors do not end the simulation."""
         if self.is_running():
             return
         now = time.monotonic()
+        try:
+            self.advance(now, may_start)
+        except OSError as error:
+            # Such as a full disk. The next pass comes with new frames, the count of passes with the next state.
+            self.ended = now
+            print_error(f"{self.runner.folder}: {self.name or 'passes'}: a pass is left out ({error})")
+
+    def advance(self, now: float, may_start: bool) -> None:
         if self.process is not None:
-            if self.process.returncode == 0:
+            is_made = self.process.returncode == 0
+            self.process, self.ended = None, now
+            self.next_start[self.name] = now + 4.0 * (now - self.started)
+            if is_made:
                 counts = self.runner.state["passes"]
                 counts[self.name] = counts.get(self.name, 0) + 1
                 write_state(self.runner.folder, self.runner.state)
-            self.process, self.ended = None, now
-            self.next_start[self.name] = now + 4.0 * (now - self.started)
         if not may_start or not self.commands or now < self.ended + PASS_SECONDS:
             return
         self.count_frames()

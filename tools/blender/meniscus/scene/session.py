@@ -7,6 +7,7 @@ Jobs belong to folders, not to Blender: when a file is opened, the last job of i
 import json
 import subprocess
 import time
+import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -98,7 +99,11 @@ def tick() -> float | None:
     scenes = {scene.session_uid: scene for scene in bpy.data.scenes}
     for number, job in list(followed.items()):
         if number in scenes:
-            advance(scenes[number], job)
+            try:
+                advance(scenes[number], job)
+            except Exception as error:
+                # Blender removes a timer whose function raises: no job of this file would be updated again.
+                report(job, error)
         else:
             # The scene was deleted: its job goes on, and there is nothing to show it in.
             del followed[number]
@@ -108,6 +113,18 @@ def tick() -> float | None:
     if any([find_job(scene, again=True) for scene in scenes.values()]):
         sampling.redraw(bpy.context)
     return POLL_SECONDS if followed else IDLE_SECONDS if jobs else None
+
+
+def report(job: run.Job, error: Exception) -> None:
+    """Adds an error to a job's messages; of one that is no ShotError, Blender's console gets the traceback."""
+    if isinstance(error, ShotError):
+        text = str(error)
+    else:
+        text = f"The result cannot be updated: {type(error).__name__}: {printable(error, 200)}. Blender's console has more"
+    if text not in job.messages:
+        job.messages.append(text)
+        if not isinstance(error, ShotError):
+            traceback.print_exception(error)
 
 
 def is_editing() -> bool:
@@ -133,8 +150,9 @@ def advance(scene: bpy.types.Scene, job: run.Job) -> None:
         try:
             with in_scene(scene):
                 changed = arrived.update(bpy.context, scene, job) or changed
-        except ShotError as error:
-            job.messages.append(str(error))
+        except Exception as error:
+            # The rest is shown when the job has ended.
+            report(job, error)
             del arrivals[key]
     if not job.is_running:
         followed.pop(scene.session_uid, None)
@@ -162,7 +180,8 @@ def finish(scene: bpy.types.Scene, job: run.Job) -> None:
 def show_result(scene: bpy.types.Scene, job: run.Job) -> None:
     with in_scene(scene) as window:
         try:
-            job.messages.extend(show.show_all(bpy.context, scene, job.shot))
+            notes = show.show_all(bpy.context, scene, job.shot)
+            job.messages.extend(note for note in notes if note not in job.messages)
         except ShotError as error:
             job.error = str(error)
     if window:
@@ -178,7 +197,7 @@ def in_scene(scene: bpy.types.Scene) -> Iterator[bpy.types.Window | None]:
     window = next(iter(bpy.context.window_manager.windows), None)
     places = {"window": window} if window else {}
     layer = window.view_layer if window else scene.view_layers[0]
-    selected, active = [each for each in layer.objects if each.select_get(view_layer=layer)], layer.objects.active
+    selected, active = chosen(layer)
     try:
         with bpy.context.temp_override(**places, scene=scene, view_layer=scene.view_layers[0]):
             yield window
@@ -186,15 +205,24 @@ def in_scene(scene: bpy.types.Scene) -> Iterator[bpy.types.Window | None]:
         select(layer, selected, active)
 
 
-def select(layer: bpy.types.ViewLayer, selected: list[bpy.types.Object], active: bpy.types.Object | None) -> None:
+def chosen(layer: bpy.types.ViewLayer) -> tuple[set[str], str]:
+    """Names of the selected objects and of the active one: a result may be replaced by another object of its name."""
+    selected = {each.name_full for each in objects_of(layer) if each.select_get(view_layer=layer)}
+    return selected, layer.objects.active.name_full if layer.objects.active is not None else ""
+
+
+def select(layer: bpy.types.ViewLayer, selected: set[str], active: str) -> None:
     """Restores the artist's selection: importers select what they make."""
-    for each in layer.objects:
-        each.select_set(False, view_layer=layer)
-    for each in selected:
-        if each.name in layer.objects:
-            each.select_set(True, view_layer=layer)
-    if active is not None and active.name in layer.objects:
-        layer.objects.active = active
+    for each in objects_of(layer):
+        each.select_set(each.name_full in selected, view_layer=layer)
+        if each.name_full == active:
+            layer.objects.active = each
+
+
+def objects_of(layer: bpy.types.ViewLayer) -> list[bpy.types.Object]:
+    """The objects of a view layer, which has None in the place of a removed one, and lacks new ones, until its active object is read."""
+    layer.objects.active  # noqa: B018
+    return [each for each in layer.objects if each is not None]
 
 
 def read_plan(job: run.Job) -> list[str]:

@@ -19,7 +19,7 @@ from ..motion import Motion, read_motion
 from ..shot import MAX_SCENE_FRAME, Shot, below, read_shot
 from ..update import OUTPUT, Target
 from .identity import SOURCE, Sources
-from .sample import quiet
+from .sample import is_shown, quiet
 
 Copies = dict[str, bpy.types.Object]
 COLLECTION = "Meniscus Shot"
@@ -53,29 +53,56 @@ def show_all(context: bpy.types.Context, scene: bpy.types.Scene, folder: Path) -
         target(scene).sequence(output, path, shot.viscosity)
     for output in shot.volumes:
         target(scene).volume(context, output, path, frames[output], shot.viscosity)
-    show_shapes(context, scene, shot, Sources(folder.parent), files)
-    return notes
+    return notes + show_shapes(context, scene, shot, Sources(folder.parent), files)
 
 
-def show_shapes(context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, sources: Sources, files: ShotFolder) -> None:
-    """Shows cloth, bodies and tanks with a look. Raises ShotError."""
+def show_shapes(context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, sources: Sources, files: ShotFolder) -> list[str]:
+    """Shows cloth, bodies and tanks with a look; what was reported about it. Raises ShotError."""
     keys = {each.name: f"sheet:{each.name}" for each in shot.sheets} | {each.name: f"body:{each.name}" for each in shot.colliders}
     sources.relabel(scene, OUTPUT, keys)
-    copies, path = copies_of(context, scene, shot, sources), outputs.shot_folder(files.root, "AUTO")
+    path = outputs.shot_folder(files.root, "AUTO")
+    copies, notes = copies_of(context, scene, shot, sources), lacking(context, scene, shot, sources)
     for sheet in shot.sheets:
         show_cloth(context, scene, sheet, sources, copies, files, path)
     show_solids(context, scene, shot, sources, copies, files)
+    return notes
 
 
-def copies_of(context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, sources: Sources) -> dict[str, bpy.types.Object]:
-    """Copies of the objects of bodies and cloth as they are in the first frame, by their outputs' names."""
+def sources_of(scene: bpy.types.Scene, shot: Shot, sources: Sources) -> list[tuple[str, str, bpy.types.Object]]:
+    """Output, role and object of the shot's bodies and cloth that the scene has."""
     pairs = [(each.name, "CLOTH") for each in shot.sheets] + [(each.name, "BODY") for each in shot.colliders]
-    found = [(name, role, source) for name, role in pairs if (source := sources.object(scene, name, role)) is not None]
-    if not found:
-        return {}
-    with quiet(context, [source for _, _, source in found if source.name in context.view_layer.objects]):
-        scene.frame_set(min(shot.frames.first, MAX_SCENE_FRAME))
-        return {name: copy_of(context, source, sources.start(name), place=role == "CLOTH") for name, role, source in found}
+    return [(name, role, source) for name, role in pairs if (source := sources.object(scene, name, role)) is not None]
+
+
+def copies_of(context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, sources: Sources) -> Copies:
+    """Copies of the objects of bodies and cloth as they are in the first frame, by their outputs' names."""
+    found, copies = sources_of(scene, shot, sources), {}
+    layers = {name: layer_of(context, scene, source) or context.view_layer for name, _, source in found}
+    # Blender evaluates an object only in view layers that have it.
+    for layer in dict.fromkeys(layers.values()):
+        some = [one for one in found if layers[one[0]] == layer]
+        with context.temp_override(scene=scene, view_layer=layer), quiet(context, [source for *_, source in some if source.name in layer.objects]):
+            scene.frame_set(min(shot.frames.first, MAX_SCENE_FRAME))
+            copies |= {name: copy_of(context, source, sources.start(name), place=role == "CLOTH") for name, role, source in some}
+    return copies
+
+
+def lacking(context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, sources: Sources) -> list[str]:
+    """Messages on objects that are gone, or that no view layer evaluates."""
+    text = "every view layer excludes or hides it, so its result lacks modifiers. Enable it in viewports and show the result again"
+    notes = [f"{printable(source.name)}: {text}" for *_, source in sources_of(scene, shot, sources) if layer_of(context, scene, source) is None]
+    notes += sources.lacking(scene, [each.name for each in shot.sheets], "CLOTH")
+    return notes + sources.lacking(scene, [each.name for each in shot.colliders], "BODY")
+
+
+def layer_of(context: bpy.types.Context, scene: bpy.types.Scene, source: bpy.types.Object) -> bpy.types.ViewLayer | None:
+    """The view layer that evaluates an object: the current one if it does, else the first; None if none does."""
+    for layer in (context.view_layer, *scene.view_layers):
+        if source.name in layer.objects:
+            with context.temp_override(scene=scene, view_layer=layer):
+                if is_shown(source, context):
+                    return layer
+    return None
 
 
 def copy_of(context: bpy.types.Context, source: bpy.types.Object, start: Matrix, place: bool) -> bpy.types.Object:
@@ -88,14 +115,15 @@ def copy_of(context: bpy.types.Context, source: bpy.types.Object, start: Matrix,
     return bpy.data.objects.new(f"{source.name} Simulated", mesh)
 
 
-def stand_in(shown: bpy.types.Object, source: bpy.types.Object | None, layer: bpy.types.ViewLayer) -> None:
-    """Hides the object that a result stands for: its eye, and in renders. Its role keeps it in the simulation."""
+def stand_in(shown: bpy.types.Object, source: bpy.types.Object | None, scene: bpy.types.Scene) -> None:
+    """Hides the object that a result stands for: its eye in each view layer, and in renders. Its role keeps it in the simulation."""
     if source is None:
         return
     shown[SOURCE] = source.meniscus.identifier
     source.hide_render = True
-    if source.name in layer.objects:
-        source.hide_set(True, view_layer=layer)
+    for layer in scene.view_layers:
+        if source.name in layer.objects:
+            source.hide_set(True, view_layer=layer)
 
 
 def show_cloth(context: bpy.types.Context, scene: bpy.types.Scene, sheet, sources: Sources, copies: Copies, files: ShotFolder, path: str) -> None:
@@ -113,7 +141,7 @@ def show_cloth(context: bpy.types.Context, scene: bpy.types.Scene, sheet, source
         made = sheets.add_sheet(sheet, files.full(sheet.rest), cache)
     elif not len(made.data.materials):
         made.data.materials.append(sheets.cloth())
-    stand_in(target(scene).adopt(made, key), source, context.view_layer)
+    stand_in(target(scene).adopt(made, key), source, scene)
 
 
 def show_solids(context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, sources: Sources, copies: Copies, files: ShotFolder) -> None:
@@ -127,7 +155,7 @@ def show_solids(context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, 
             if not len(made.data.materials):
                 made.data.materials.append(colliders.matte())
             moved(made, motion, scene.unit_settings.scale_length)
-            stand_in(target(scene).adopt(made, f"body:{output.name}"), source, context.view_layer)
+            stand_in(target(scene).adopt(made, f"body:{output.name}"), source, scene)
         elif motion.shape == "tank":
             made = colliders.add_collider(output, files.full(output.mesh), motion)
             moved(made, motion, scene.unit_settings.scale_length)
