@@ -17,6 +17,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 import tomllib
 import zipfile
 from pathlib import Path
@@ -58,6 +59,7 @@ class Tally:
     def stage(self, name: str, arguments: list[Path], resources: Path, script: str = "stages.py") -> None:
         """Runs one stage in a new process; its ok, FAIL, expect and forbid lines become checks."""
         print(f"-- {name}", flush=True)
+        start = time.monotonic()
         command = [sys.executable, str(HERE / script), name, *map(str, arguments)]
         environment = os.environ | {"BLENDER_USER_RESOURCES": str(resources), "PYTHONDONTWRITEBYTECODE": "1"}
         run = subprocess.Popen(
@@ -83,6 +85,7 @@ class Tally:
             elif kind == "forbid":
                 found = [line for line in talk.splitlines() if line.startswith(rest)]
                 self.check(not found, f"Blender prints no line with {rest}", str(found))
+        print(f"-- {name} took {time.monotonic() - start:.1f} s", flush=True)
         done = run.returncode == 0 and lines[-1:] == [f"done {read}"]
         self.check(done, f"stage {name} ran to its end", f"exit code {run.returncode}, {read} lines read")
         if self.failed > failed:
