@@ -161,6 +161,8 @@ def add(context: bpy.types.Context, name: str) -> bpy.types.Object:
         if kind.spacing == FINE:
             shot.liquid.max_substeps, shot.liquid.use_surface_tension = 200, True
             shot.liquid.surface_tension.contact_angle = 40.0 * pi / 180.0
+        else:
+            splash(shot)
     if kind.role in roles.OF_SMOKE:
         refine_smoke(shot, kind.smoke_spacing / scale)
     finish(context, made, name, scale)
@@ -169,6 +171,12 @@ def add(context: bpy.types.Context, name: str) -> bpy.types.Object:
     made.select_set(True)
     context.view_layer.objects.active = made
     return made
+
+
+def splash(shot: bpy.types.PropertyGroup) -> None:
+    """Gives liquid the terms of the engine's own presets of splashes."""
+    shot.use_splash_tension = shot.liquid.use_surface_tension = shot.liquid.use_vorticity = True
+    shot.liquid.use_implicitness, shot.liquid.implicitness = True, 0.25
 
 
 def refine_smoke(shot: bpy.types.PropertyGroup, spacing: float) -> None:

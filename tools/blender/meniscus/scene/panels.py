@@ -181,6 +181,18 @@ class MENISCUS_PT_whitewater(SettingsPanel):
         self.layout.prop(context.scene.meniscus, "use_whitewater", text="")
 
 
+class MENISCUS_PT_liquid(SettingsPanel):
+    bl_label = "Liquid"
+    definition, attribute = "LiquidParams", "liquid"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        self.layout.use_property_split = True
+        row = self.layout.row()
+        row.active = context.scene.meniscus.liquid.use_surface_tension
+        row.prop(context.scene.meniscus, "use_splash_tension")
+        SettingsPanel.draw(self, context)
+
+
 class MENISCUS_PT_surface(SettingsPanel):
     bl_label = "Surface"
     definition, attribute = "SurfaceParams", "surface"
@@ -203,7 +215,7 @@ CLASSES = [
     MENISCUS_PT_sidebar,
     MENISCUS_PT_imported,
     MENISCUS_PT_quality,
-    settings_panel("Liquid", "LiquidParams", "liquid"),
+    MENISCUS_PT_liquid,
     MENISCUS_PT_surface,
     *(settings_panel(*part) for part in PARTS),
     MENISCUS_PT_whitewater,

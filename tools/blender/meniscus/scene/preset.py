@@ -20,6 +20,8 @@ from .shapes import Placed, Shaper
 from .toml import Document, Table
 
 EARTH = 9.81
+# The largest surface tension that the engine takes [N/m].
+MAX_TENSION = 1000.0
 # Keys of forces that are vectors in the object's axes.
 FORCE_VECTORS = {"acceleration", "velocity"}
 # Of surfaces with colours by source: without the key they have velocities alone.
@@ -221,6 +223,8 @@ class Writer:
         values = settings.values(self.shot.liquid, "LiquidParams", self.scale)
         if self.shot.use_colours:
             values["channels"] = sorted({*values.get("channels", ()), "source"})
+        if self.has_splash_tension():
+            values["surface_tension"]["coefficient"] = self.splash_tension(1.0)
         self.document.table("liquid", values)
         for each in self.of("FLUID"):
             placed = self.shaper.place(each, each.asset)
@@ -232,6 +236,14 @@ class Writer:
             if ranges is not None:
                 placed = self.shaper.place(each, each.asset)
                 self.entry("liquid.outflow", each, placed, {"on": ranges} if ranges else {})
+
+    def has_splash_tension(self) -> bool:
+        return self.shot.use_splash_tension and self.shot.liquid.use_surface_tension
+
+    def splash_tension(self, factor: float) -> float:
+        """Half of density × gravity × spacing² where the spacing is so many times that of the final [N/m]."""
+        density, spacing = (settings.number(self.shot.liquid, "LiquidParams", name, self.scale) for name in ("density", "spacing"))
+        return min(0.5 * density * EARTH * (factor * spacing) ** 2, MAX_TENSION)
 
     def inflow(self, each: Sampled) -> None:
         ranges = self.ranges(each)
@@ -494,6 +506,8 @@ class Writer:
             values = {}
             if self.has_liquid:
                 values["liquid.spacing"] = settings.number(self.shot.liquid, "LiquidParams", "spacing", self.scale) * factor
+                if self.has_splash_tension():
+                    values["liquid.surface_tension.coefficient"] = self.splash_tension(factor)
             if self.has_smoke:
                 values["smoke.spacing"] = settings.number(self.shot.smoke, "SmokeParams", "spacing", self.scale) * factor
             self.document.blank()

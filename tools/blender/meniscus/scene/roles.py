@@ -218,6 +218,11 @@ def scene_class() -> type:
             name="Colours by Source",
             description="Each fluid and inflow has a colour of its own, which mix: Colour 1 to 6 of the surface's modifier. Needs a new simulation",
         )
+        use_splash_tension: BoolProperty(
+            name="Tension of Splashes",
+            description="Surface tension of half of density × 9.81 m/s² × spacing², at the spacing of each quality: far above that of water, it holds "
+            "films and jets together that are a few particles thick. Off for drops and taps, whose Coefficient is that of the liquid",
+        )
         liquid: PointerProperty(type=liquid_group)
         smoke: PointerProperty(type=smoke_group)
         sheets: PointerProperty(type=sheets_group)
