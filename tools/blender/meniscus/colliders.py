@@ -80,7 +80,7 @@ def animate(made: bpy.types.Object, motion: Motion) -> None:
     data.action, data.action_slot = action, slot
 
 
-def forget(made: bpy.types.Object) -> None:
+def remove_animation(made: bpy.types.Object) -> None:
     """Removes the keyframes of an object, and their action unless another has it."""
     action = made.animation_data.action if made.animation_data else None
     if action is not None:

@@ -399,6 +399,10 @@ def check_tension(folder: Path) -> None:
     wanted = [0.5 * 1000 * 9.81 * (part * 0.03) ** 2 for part in (1.0, 2.0, 1.4)]
     check(np.allclose(found, wanted, rtol=1e-5), "the tension of splashes fits each spacing", found)
     check(data["liquid"]["implicitness"] == 0.25 and "vorticity" in data["liquid"], "a pool has the terms of splashes", data["liquid"])
+    scene.meniscus.liquid.spacing = 0.3
+    data, notes = write(scene, "a coarse pool")
+    check(data["quality"]["draft"]["liquid"]["surface_tension"]["coefficient"] == 1000, "the tension has a largest value", data["quality"])
+    noted(notes, "Tension of Splashes", "1000 N/m")
     scene.meniscus.use_splash_tension = False
     data, _ = write(scene, "a pool with the tension of water")
     check("surface_tension" not in data["quality"]["draft"]["liquid"], "otherwise the tension is the liquid's", data["quality"])

@@ -171,7 +171,7 @@ class Arrivals:
         for key in known:
             shown = target.existing(key)
             if shown is not None:
-                colliders.forget(shown)
+                colliders.remove_animation(shown)
                 show.moved(shown, motions[key], scene.unit_settings.scale_length)
         return notes
 

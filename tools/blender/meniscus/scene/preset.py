@@ -225,6 +225,8 @@ class Writer:
             values["channels"] = sorted({*values.get("channels", ()), "source"})
         if self.has_splash_tension():
             values["surface_tension"]["coefficient"] = self.splash_tension(1.0)
+            if self.splash_tension(max(self.shot.draft, 1.0)) == MAX_TENSION:
+                self.notes.append(f"Tension of Splashes is {MAX_TENSION:g} N/m, the largest there is, although the spacing needs more. Lower it")
         self.document.table("liquid", values)
         for each in self.of("FLUID"):
             placed = self.shaper.place(each, each.asset)
