@@ -59,6 +59,30 @@ pub(super) trait MultiplierUpdate: Sync {
     ) -> (Multiplier<L>, ConstraintError<L>);
 }
 
+/// Evaluates errors and leaves the multipliers unchanged.
+pub(super) struct NoUpdate {
+    /// Smallest error that counts.
+    pub(super) lower_bound: f32,
+}
+
+impl MultiplierUpdate for NoUpdate {
+    #[inline(always)]
+    fn update<L: Lanes>(
+        &self,
+        ratio: L,
+        _tensile_part: L,
+        multiplier: Multiplier<L>,
+    ) -> (Multiplier<L>, ConstraintError<L>) {
+        (multiplier, ConstraintError { error: error(ratio, self.lower_bound), uphill: L::splat(0.0) })
+    }
+}
+
+/// C_i, at least `lower_bound`; NaN is kept, so that it is detected.
+#[inline(always)]
+pub(super) fn error<L: Lanes>(ratio: L, lower_bound: f32) -> L {
+    L::splat(lower_bound).max(ratio - L::splat(1.0)) // C_i, [pbf] Eq. 1
+}
+
 /// Residual of the density constraints.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Residual {

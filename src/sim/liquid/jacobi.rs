@@ -4,9 +4,9 @@
 
 use super::{
     Constraint,
-    density::{ConstraintError, Multiplier, MultiplierUpdate, Residual},
+    density::{self, ConstraintError, Multiplier, MultiplierUpdate, Residual},
     setup::SolverSetup,
-    solve::{self, Solver},
+    solve::Solver,
 };
 use crate::simd::Lanes;
 
@@ -40,7 +40,7 @@ impl MultiplierUpdate for JacobiUpdate {
         _tensile_part: L,
         multiplier: Multiplier<L>,
     ) -> (Multiplier<L>, ConstraintError<L>) {
-        let error = solve::error(ratio, self.min_error);
+        let error = density::error(ratio, self.min_error);
         let lambda = L::splat(-self.relaxation) * error / multiplier.denominator; // λ_i, [pbf] Eq. 11
         (Multiplier { lambda, ..multiplier }, ConstraintError { error, uphill: L::splat(0.0) })
     }

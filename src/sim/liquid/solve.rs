@@ -14,9 +14,7 @@ use super::{
     SubstepParticles,
     calibration::RestState,
     correction::{CorrectionPass, CorrectionSummary, map_columns},
-    density::{
-        Chunk, ConstraintError, DensityPass, Multiplier, MultiplierColumns, MultiplierUpdate, Residual,
-    },
+    density::{Chunk, DensityPass, Multiplier, MultiplierColumns, MultiplierUpdate, NoUpdate, Residual},
     lanes::{self, Node},
     pass,
     rigid::RigidSide,
@@ -25,7 +23,6 @@ use super::{
 use crate::{
     math::Vec3,
     par,
-    simd::Lanes,
     space::{CellGrid, Neighbours},
 };
 
@@ -145,29 +142,6 @@ pub(super) struct OvercrowdedCell {
     pub(super) particle: usize,
     /// Number of particles.
     pub(super) count: usize,
-}
-
-/// Evaluates errors and leaves the multipliers unchanged.
-struct NoUpdate {
-    lower_bound: f32,
-}
-
-impl MultiplierUpdate for NoUpdate {
-    #[inline(always)]
-    fn update<L: Lanes>(
-        &self,
-        ratio: L,
-        _tensile_part: L,
-        multiplier: Multiplier<L>,
-    ) -> (Multiplier<L>, ConstraintError<L>) {
-        (multiplier, ConstraintError { error: error(ratio, self.lower_bound), uphill: L::splat(0.0) })
-    }
-}
-
-/// C_i, at least `lower_bound`; NaN is kept, so that it is detected.
-#[inline(always)]
-pub(super) fn error<L: Lanes>(ratio: L, lower_bound: f32) -> L {
-    L::splat(lower_bound).max(ratio - L::splat(1.0)) // C_i, [pbf] Eq. 1
 }
 
 impl Solver {
