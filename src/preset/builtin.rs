@@ -5,7 +5,9 @@ pub fn all() -> &'static [(&'static str, &'static str)] {
     &[
         ("cloth-over-ellipsoid", include_str!("../../presets/cloth-over-ellipsoid.toml")),
         ("colliding-rings", include_str!("../../presets/colliding-rings.toml")),
+        ("crown-splash", include_str!("../../presets/crown-splash.toml")),
         ("dam-break", include_str!("../../presets/dam-break.toml")),
+        ("dam-break-rocks", include_str!("../../presets/dam-break-rocks.toml")),
         ("double-dam-break", include_str!("../../presets/double-dam-break.toml")),
         ("drop-in-pool", include_str!("../../presets/drop-in-pool.toml")),
         ("ducks", include_str!("../../presets/ducks.toml")),

@@ -141,7 +141,9 @@ fn built_in_presets_are_listed_shown_copied_and_run() {
     let desk = Desk::new();
     let (list, _) = desk.run("presets", 0);
     for name in [
+        "crown-splash",
         "dam-break",
+        "dam-break-rocks",
         "double-dam-break",
         "drop-in-pool",
         "ducks",
