@@ -136,6 +136,17 @@ pub(crate) fn figure(value: f64, digits: i32) -> String {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text }
 }
 
+/// A volume [m³] in the unit in which it is neither tiny nor huge.
+pub(crate) fn readable_volume(cubic_metres: f64, digits: i32) -> String {
+    let (unit, size) = match cubic_metres.abs() {
+        v if v < 1e-7 && v > 0.0 => ("mm³", 1e-9),
+        v if v < 1e-4 && v > 0.0 => ("mL", 1e-6),
+        v if v < 0.1 && v > 0.0 => ("L", 1e-3),
+        _ => ("m³", 1.0),
+    };
+    format!("{} {unit}", figure(cubic_metres / size, digits))
+}
+
 /// Where a column is shown. CSV and JSON have all of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Shown {
@@ -321,6 +332,8 @@ mod tests {
         assert_eq!(shown(3), ["0.00123", "0.5", "12", "1234", "0"]);
         assert_eq!(shown(2), ["0.0012", "0.5", "12", "1234", "0"]);
         assert_eq!([figure(4.7e21, 4), figure(-3e9, 1)], ["4.700e21", "-3e9"]);
+        let volumes = [0.0, 2.0, 0.099, 5.21e-6, 6.5e-8, -3e-3].map(|value| readable_volume(value, 3));
+        assert_eq!(volumes, ["0 m³", "2 m³", "99 L", "5.21 mL", "65 mm³", "-3 L"]);
         let values =
             [Unit::Percent, Unit::Change, Unit::Spacings, Unit::Mebibytes, Unit::Degrees, Unit::Of("m")];
         let shown = values.map(|unit| unit.show(0.25, 2, 0.5));

@@ -9,7 +9,7 @@ mod table;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use column::{Column, ColumnInfo, Costs, Shown, Spread, Unit, figure};
+pub(crate) use column::{Column, ColumnInfo, Costs, Shown, Spread, Unit, figure, readable_volume};
 pub(crate) use page::{csv_line, write};
 pub(crate) use plot::escaped;
 pub(crate) use table::{About, Setting, Table, TableRow, Wording};

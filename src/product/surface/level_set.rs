@@ -11,6 +11,7 @@ use crate::{
             choose, file_size, numbered_files, process_frames, within_reserve,
         },
         file_records::FileRecords,
+        tradeoff::readable_volume,
     },
     mesh::{self, Mesh},
     par,
@@ -69,10 +70,10 @@ pub(super) fn mesh_level_sets(
         let (mesh, cut_cells) = contour(&level_set);
         let check = mesh::check(&mesh);
         let figures = format!(
-            "frame {}  {} triangles  volume {:.4} m³  {} components  of the grid {}",
+            "frame {}  {} triangles  volume {}  {} components  of the grid {}",
             outcome.index,
             mesh.triangles.len(),
-            check.volume,
+            readable_volume(check.volume, 4),
             check.components,
             level_set.name
         );

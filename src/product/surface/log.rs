@@ -14,7 +14,7 @@ use crate::{
         RunError, ShotFolder,
         file_records::{hex, path, read_lines},
         is_file_name,
-        tradeoff::figure,
+        tradeoff::{figure, readable_volume},
     },
     mesh::{MeshCheck, Surface, SurfaceStats},
 };
@@ -209,9 +209,9 @@ pub(super) fn volume_warnings(records: &[MeshRecord]) -> Vec<String> {
         let MeshRecord { frame, name, volume, .. } = worst;
         (count > 0).then(|| {
             format!(
-                "volume: the mesh of {name} in frame {frame} has {} m³, {:+.0} % against its particles, and {count} of {} meshes \
+                "volume: the mesh of {name} in frame {frame} has {}, {:+.0} % against its particles, and {count} of {} meshes \
                  are off by more than {:.0} %: check the spacing of the particles, or lower surface.voxel",
-                figure(*volume, DIGITS),
+                readable_volume(*volume, DIGITS),
                 100.0 * difference,
                 series.len(),
                 100.0 * MAX_VOLUME_DIFFERENCE

@@ -11,7 +11,7 @@ use super::{
 };
 use crate::{
     frame::{Stream, StreamKind},
-    job::{Control, RunError, ShotFolder, batch::BatchSummary, tradeoff::figure},
+    job::{Control, RunError, ShotFolder, batch::BatchSummary, tradeoff::readable_volume},
     product::{
         interface::Product,
         request::{ProductInfo, ProductInput, ProductRequest, ProductSettings},
@@ -83,13 +83,14 @@ impl Product for SurfaceMesh {
             let range = |values: &mut dyn Iterator<Item = f64>| {
                 values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
             };
-            let [low, high] = range(&mut meshes.iter().map(|mesh| mesh.volume)).map(|v| figure(v, DIGITS));
+            let [low, high] =
+                range(&mut meshes.iter().map(|mesh| mesh.volume)).map(|v| readable_volume(v, DIGITS));
             let [below, above] = range(&mut meshes.iter().filter_map(MeshRecord::volume_difference));
             let particles = match below <= above {
                 true => format!(", {:+.1} to {:+.1} % against their particles", 100.0 * below, 100.0 * above),
                 false => String::new(),
             };
-            lines.push(format!("volume     {low} to {high} m³ of {} meshes{particles}", meshes.len()));
+            lines.push(format!("volume     {low} to {high} of {} meshes{particles}", meshes.len()));
         }
         lines.extend(jumps.iter().map(|jump| format!("jump       {jump}")));
         let values = [("meshes", json!(meshes)), ("jumps", json!(jumps))];

@@ -17,7 +17,7 @@ use crate::{
             StreamHeader, StreamInput, StreamWriter, Written, process_streams,
         },
         nonzero,
-        tradeoff::figure,
+        tradeoff::{figure, readable_volume},
     },
     mesh::{
         self, Mesh, MeshCheck, PlacedSolid, RadiusScales, Surface, SurfaceError, SurfaceParams,
@@ -201,10 +201,10 @@ fn figures(record: &MeshRecord, surface: &Surface, spacing: f32) -> String {
     let seconds: f64 = surface.stats.seconds.iter().map(|(_, seconds)| seconds).sum();
     let difference = record.volume_difference().map(|part| format!(" ({:+.1}% of particles)", 100.0 * part));
     let mut line = format!(
-        "frame {}  {} triangles  volume {} m³{}  {} components  {seconds:.2} s",
+        "frame {}  {} triangles  volume {}{}  {} components  {seconds:.2} s",
         record.frame,
         surface.mesh.triangles.len(),
-        figure(record.volume, DIGITS),
+        readable_volume(record.volume, DIGITS),
         difference.unwrap_or_default(),
         record.components,
     );

@@ -4,7 +4,10 @@ use super::flow;
 use crate::{
     cache::StreamInfo,
     frame::FrameIndex,
-    job::{Total, nonzero, tradeoff::figure},
+    job::{
+        Total, nonzero,
+        tradeoff::{figure, readable_volume},
+    },
     sim::{
         FrameRecord, force,
         liquid::{EmptySource, LiquidRecord, LiquidSeeds, NAME, ThinSolid, record::FRAME_FIGURES},
@@ -236,8 +239,8 @@ fn totals(frames: impl Iterator<Item = (FrameIndex, Vec<(&'static str, f64)>)>) 
         }),
         heading: "liquid",
         text: format!(
-            "{} m³ in frame {last} ({:+.2} %), {:+.2} % at most (frame {frame}); {} component{}, {} isolated particles",
-            figure(end("volume"), 4),
+            "{} in frame {last} ({:+.2} %), {:+.2} % at most (frame {frame}); {} component{}, {} isolated particles",
+            readable_volume(end("volume"), 4),
             100.0 * end("volume_change"),
             100.0 * change,
             end("components"),
@@ -274,7 +277,7 @@ mod tests {
         );
         assert_eq!(
             volume.text,
-            "0.0002102 m³ in frame 0004 (+0.10 %), -50.00 % at most (frame 0003); 8 components, 4 isolated particles"
+            "0.2102 L in frame 0004 (+0.10 %), -50.00 % at most (frame 0003); 8 components, 4 isolated particles"
         );
         assert_eq!(
             (&volume.value["largest_change"], &volume.value["largest_change_frame"]),
