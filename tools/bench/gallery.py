@@ -5,6 +5,7 @@
     tools/bench/gallery.py dam-break --tiers draft,preview
     tools/bench/gallery.py smoke-ring --tiers draft --frames 1-4
     tools/bench/gallery.py --keep shots           leaves the shots there, to render pictures from
+    tools/bench/gallery.py --large figure-drop    with about a million particles, up to three hours each
 
 Needs the release binary, Python's standard library, and a machine that does nothing else.
 """
@@ -18,6 +19,14 @@ import tempfile
 from shot import ROOT, run
 
 TIERS = ["draft", "preview", "final"]
+# What gives a preset about a million particles. The tension of splashes is half of density × gravity × spacing².
+LARGE = {
+    "crown-splash": ["liquid.spacing=0.178 mm"],
+    "dam-break-rocks": ["liquid.spacing=1.115 cm", "liquid.surface_tension.coefficient=0.61 N/m"],
+    "figure-bath": ["liquid.spacing=1.11 cm", "liquid.surface_tension.coefficient=0.6 N/m"],
+    "figure-drop": ["liquid.spacing=1.07 cm", "liquid.surface_tension.coefficient=0.56 N/m"],
+    "honey": ["liquid.spacing=0.46 mm"],
+}
 # Pictures that were rendered from the shots as written.
 PICTURE = "docs/images/{}.png"
 
@@ -37,15 +46,20 @@ def row(binary, preset, tier, frames, folder):
     """One line of the table. Particles of smoke are vortons and tracers, those of sheets their points."""
     shot = folder / f"{preset}-{tier}"
     chosen = ["--frames", frames] if frames else []
-    wall, _, memory = run([binary, "shot", preset, "--quality", tier, *chosen, "-o", shot, "--progress", "none"])
+    if tier == "large":
+        chosen += [part for setting in LARGE[preset] for part in ("--set", setting)]
+    else:
+        chosen += ["--quality", tier]
+    wall, _, memory = run([binary, "shot", preset, *chosen, "-o", shot, "--progress", "none"])
     records = [json.loads(line) for line in (shot / "log.jsonl").read_text().splitlines()]
     record = max(records, key=lambda record: record.get("frame", 0))
     peak_particles = max(record.get("particles", 0) for record in records)
     sizes = [size(shot / "cache"), sum(size(shot / kind) for kind in ("mesh", "volume", "sheet"))]
     picture = PICTURE.format(preset)
-    shown = tier == TIERS[0] and (ROOT / picture).exists()
+    first = tier in (TIERS[0], "large")
+    shown = first and (ROOT / picture).exists()
     cells = [
-        f"`{preset}`" if tier == TIERS[0] else "",
+        f"`{preset}`" if first else "",
         f"![]({picture})" if shown else "",
         "as written" if tier == "final" else tier,
         f"{peak_particles:,}".replace(",", " "),
@@ -61,14 +75,16 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("presets", nargs="*", help="names (default all)")
     parser.add_argument("--tiers", default=",".join(TIERS))
+    parser.add_argument("--large", action="store_true", help="shots of about a million particles in place of tiers")
     parser.add_argument("--frames", help="only these, as the tool takes them")
     parser.add_argument("--keep", type=pathlib.Path, metavar="DIR", help="where the shots stay")
     parser.add_argument("--binary", default=ROOT / "target/release/meniscus")
     options = parser.parse_args()
     print("| preset | | tier | particles | frames | simulate and write | peak memory | cache | meshes, volumes or sheets |")
     print("|---|---|---|---|---|---|---|---|---|")
-    for preset in options.presets or presets(options.binary):
-        for tier in options.tiers.split(","):
+    tiers = ["large"] if options.large else options.tiers.split(",")
+    for preset in options.presets or (LARGE if options.large else presets(options.binary)):
+        for tier in tiers:
             with tempfile.TemporaryDirectory() as scratch:
                 print(row(options.binary, preset, tier, options.frames, options.keep or pathlib.Path(scratch)), flush=True)
 
