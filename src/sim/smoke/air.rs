@@ -335,6 +335,31 @@ mod tests {
         assert_eq!((reported.body, reported.part), (1, both[1].part), "the edges of the box are the worst");
     }
 
+    /// Velocity of a wind of 1 m/s along x at points above a floor on which, or in which, a ball of radius 0.5 m is.
+    fn over_floor(height: f32, points: &[Vec3]) -> (Vec<Vec3>, f64) {
+        let floor = Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] };
+        let solids =
+            [Shape::Sphere { center: [0.0, 0.0, height], radius: 0.5 }, floor].map(Solid::fixed).to_vec();
+        let params = toml::from_str("spacing = 0.08\nwind = [1, 0, 0]").unwrap();
+        let air = Air::new(&params, &World { gravity: Vec3::zeros(), solids });
+        let vortons = Vortons::default();
+        let sources = air.sources(&vortons, 0.0, Spun::at(0.0)).unwrap();
+        let instant = Instant { vortons: &vortons, sources: &sources };
+        (air.velocity(instant, points).unwrap(), sources.residual)
+    }
+
+    #[test]
+    fn what_is_below_the_floor_does_not_act_on_the_air() {
+        // Half of a ball on a floor is a whole ball in potential flow: 1 + R³/(2 r³) above it.
+        let (half, residual) = over_floor(0.0, &[Vec3::new(0.0, 0.0, 0.6)]);
+        let exact = 1.0 + 0.5_f32.powi(3) / (2.0 * 0.6_f32.powi(3));
+        assert!((half[0].x / exact - 1.0).abs() < 0.02 && residual < 1e-3, "{half:?} {exact} {residual}");
+
+        // The cap of a ball that is sunk but for 5 cm: the image of the rest would stand 90 cm high.
+        let (cap, _) = over_floor(-0.45, &[Vec3::new(0.0, 0.0, 0.3), Vec3::new(-0.5, 0.0, 0.3)]);
+        assert!(cap.iter().all(|v| (v.x - 1.0).abs() < 0.1 && v.z.abs() < 0.1), "{cap:?}");
+    }
+
     /// A ring of vortons about the z axis.
     fn ring(height: f32) -> Vortons {
         let angle = |n: usize| std::f32::consts::TAU * n as f32 / 200.0;

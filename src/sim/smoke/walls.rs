@@ -120,11 +120,32 @@ impl Walls {
         (0..self.bodies.len()).filter(|&number| is_bare(&self.bodies[number])).collect()
     }
 
-    /// Panels with a source, at `time` [s].
+    /// Panels with a source in the air, at `time` [s]. What of a solid is beyond the mirror has none: its image would be a wall in the
+    /// air, or, where a solid is its own image, make the equations singular.
     pub(super) fn sourced(&self, time: f64) -> Vec<Placed> {
         let mut panels = self.placed(time);
-        panels.retain(|placed| placed.panel.source.is_some());
+        panels.retain(|Placed { panel, .. }| {
+            panel
+                .source
+                .is_some_and(|source| self.is_before_mirror(panel) && self.is_source_before_mirror(&source))
+        });
         panels
+    }
+
+    /// Whether a panel is in the air or cut in half by the mirror. Those on which a solid stands are not.
+    fn is_before_mirror(&self, panel: &Panel) -> bool {
+        self.mirror.is_none_or(|(n, offset)| {
+            let tolerance = MIRROR_TOLERANCE * panel.width;
+            n.dot(&panel.x) - offset + (n.dot(&panel.normal) * 4.0 * tolerance).min(0.0) > -tolerance
+        })
+    }
+
+    /// Whether a point source is on the air's side of the mirror: its image is in the solid then, too.
+    fn is_source_before_mirror(&self, source: &Source) -> bool {
+        match (source, self.mirror) {
+            (Source::Point(y), Some((n, offset))) => n.dot(y) > offset,
+            _ => true,
+        }
     }
 
     /// All panels at `time` [s].
@@ -323,7 +344,9 @@ impl Walls {
                 Some(Panel { x: x - normal * distance, normal, ..*panel })
             };
             let found: Vec<Panel> = body.panels.iter().filter_map(witness).collect();
-            body.placed(&found, time)
+            let mut placed = body.placed(&found, time);
+            placed.retain(|Placed { panel, .. }| self.is_before_mirror(panel));
+            placed
         };
         self.bodies.iter().map(&mut between).collect()
     }
