@@ -347,7 +347,7 @@ limit(resource.RLIM_INFINITY)
 assert mf.reconstruct(numpy.zeros((1, 3)), 0.1).is_sound
 """
         outcomes = []
-        for megabytes in (24, 48, 80, 112, 144, 192, 256, 512, 4096):
+        for megabytes in (24, 80, 112, 192, 512, 4096):
             done = subprocess.run([sys.executable, "-c", script, str(megabytes)], capture_output=True, text=True, timeout=120)
             self.assertEqual(done.returncode, 0, f"{megabytes} MiB: {done.stdout} {done.stderr}")
             outcomes.append(done.stdout)
@@ -531,7 +531,7 @@ def once():
     signal.setitimer(signal.ITIMER_REAL, random.uniform(1e-4, 2e-2), 1e-3)
     mf.reconstruct(x, 0.05, threads=1)
     calls += 1
-end = time.monotonic() + 4
+end = time.monotonic() + 2
 while time.monotonic() < end:
     try:
         try:
