@@ -12,7 +12,6 @@ pub(crate) fn gmres(
     most: usize,
     apply: impl Fn(&[f64]) -> Vec<f64>,
 ) -> (Vec<f64>, f64) {
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let norm = dot(right, right).sqrt();
     if norm == 0.0 || !norm.is_finite() {
         return (vec![0.0; right.len()], if norm == 0.0 { 0.0 } else { f64::NAN });
@@ -67,6 +66,19 @@ pub(crate) fn gmres(
         x.iter_mut().zip(q).for_each(|(x, q)| *x += y * q);
     }
     (x, residual[count].abs() / norm)
+}
+
+/// Σ a b in eight partial sums, which a processor adds at once.
+pub(crate) fn dot<A: Copy + Into<f64>>(a: &[A], b: &[f64]) -> f64 {
+    let ((a, last_a), (b, last_b)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
+    let mut sums = [0.0; 8];
+    for (a, b) in a.iter().zip(b) {
+        for (sum, (&a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
+            *sum += a.into() * b;
+        }
+    }
+    let last: f64 = last_a.iter().zip(last_b).map(|(&a, b)| a.into() * b).sum();
+    sums.iter().sum::<f64>() + last
 }
 
 #[cfg(test)]

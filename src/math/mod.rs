@@ -7,7 +7,7 @@ mod random;
 pub(crate) mod rotation;
 pub mod symmetric;
 
-pub(crate) use gmres::gmres;
+pub(crate) use gmres::{dot, gmres};
 pub(crate) use json::nan_if_null;
 pub use random::Random;
 

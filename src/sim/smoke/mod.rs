@@ -14,11 +14,13 @@ mod emit;
 mod estimate;
 mod field;
 mod filaments;
+mod influence;
 #[cfg(feature = "presets")]
 pub(crate) mod job;
 mod kick;
 mod panels;
 mod params;
+mod point_sums;
 mod push;
 mod record;
 mod replay;

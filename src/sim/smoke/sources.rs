@@ -7,7 +7,7 @@
 //! Limits: point sources are singular; they lie in solids, where the velocity is not needed. Source panels lie on faces or just
 //! below; next to an edge corners of those below may be in the air.
 
-use super::tiles::{Tile, point_strain};
+use super::{point_sums, tiles::Tile};
 use crate::{
     math::Vec3,
     par,
@@ -62,13 +62,7 @@ pub(super) struct Sources {
 impl Sources {
     /// Adds the induced velocity at `points` [m/s].
     pub(super) fn add_velocity(&self, points: &[Vec3], velocity: &mut [Vec3]) {
-        if !self.points.is_empty() {
-            par::update(velocity, |i, v| {
-                for &(y, q) in &self.points {
-                    *v += flow(points[i], y, self.mirror) * q;
-                }
-            });
-        }
+        point_sums::add_velocity(&self.points_and_images(), points, velocity);
         let tiles = self.with_images();
         if !tiles.is_empty() {
             par::update(velocity, |i, v| {
@@ -81,16 +75,7 @@ impl Sources {
 
     /// Adds the gradient of the induced velocity at `points` [1/s].
     pub(super) fn add_gradient(&self, points: &[Vec3], gradient: &mut [Gradient]) {
-        if !self.points.is_empty() {
-            par::update(gradient, |i, gradient| {
-                for &(y, q) in &self.points {
-                    *gradient += point_strain(points[i] - y) * q;
-                    if let Some(mirror) = self.mirror {
-                        *gradient += point_strain(points[i] - reflect(y, mirror)) * q;
-                    }
-                }
-            });
-        }
+        point_sums::add_gradient(&self.points_and_images(), points, gradient);
         let tiles = self.with_images();
         if !tiles.is_empty() {
             par::update(gradient, |i, gradient| {
@@ -99,6 +84,12 @@ impl Sources {
                 }
             });
         }
+    }
+
+    /// Point sources and their mirror images.
+    fn points_and_images(&self) -> Vec<(Vec3, f32)> {
+        let image = |&(y, q): &(Vec3, f32)| self.mirror.map(|mirror| (reflect(y, mirror), q));
+        self.points.iter().copied().chain(self.points.iter().filter_map(image)).collect()
     }
 
     /// Source panels and their mirror images.

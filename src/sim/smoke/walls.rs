@@ -3,7 +3,7 @@
 //! *Method*: a source panel method for bodies, the method of images for a plane. The strengths of sources inside the solids, or
 //! on the faces of boxes (`panels.rs`), solve Σ_j q_j n_i·(x_i − y_j)/(4π r³) = −n_i·(u − u_solid) by GMRES: at each panel's
 //! centre the air moves with the solid along its normal. Unknowns are strengths over squared panel widths, so that
-//! wide and narrow panels weigh the same. The sources induce no vorticity. None is in the air, except corners of square panels
+//! wide and narrow panels weigh the same (`influence.rs`). The sources induce no vorticity. None is in the air, except corners of square panels
 //! at edges (`tiles.rs`). A plane is exact: vortons and sources have mirror images beyond it.
 //! There is leakage between panels; the frame's record has it. Vortons and tracers that get into a solid are projected out of it
 //! and counted. Steps are short enough ([`Walls::max_displacement`]) that a moving solid does not pass over smoke. Inside a solid
@@ -14,6 +14,7 @@
 
 use super::{
     emit::VELOCITY_TIME_STEP,
+    influence::Influence,
     panels::Panel,
     sources::{Source, Sources, reflect},
     widths::distribute_panels,
@@ -24,6 +25,7 @@ use crate::{
     sim::vortex::Gradient,
     solid::{Motion, Pose, Shape, Solid},
 };
+use std::sync::OnceLock;
 
 /// Residual of the normal flow at the panels at which the equations count as solved.
 const RESIDUAL: f64 = 1e-4;
@@ -40,6 +42,8 @@ pub(super) struct Walls {
     bodies: Vec<Body>,
     /// A plane's unit normal and offset [m].
     mirror: Option<(Vec3, f32)>,
+    /// The coefficients, once they are known, of solids that stand still.
+    still: OnceLock<Influence>,
 }
 
 #[derive(Debug)]
@@ -111,7 +115,7 @@ impl Walls {
             panels,
         };
         let bodies = solids.iter().zip(distribute_panels(&shapes, spacing)).map(body).collect();
-        Some(Self { bodies, mirror })
+        Some(Self { bodies, mirror, still: OnceLock::new() })
     }
 
     /// Indices of the solids without a source, which let the air through. A plane needs none.
@@ -153,7 +157,7 @@ impl Walls {
         self.bodies.iter().flat_map(|body| body.placed(&body.panels, time)).collect()
     }
 
-    /// Solves for the sources that cancel the normal flow of `air` [m/s] at `panels`, which have one source each.
+    /// Solves for the sources that cancel the normal flow of `air` [m/s] at the panels of [`Self::sourced`].
     pub(super) fn solve(&self, panels: &[Placed], air: &[Vec3]) -> Sources {
         let mirror = self.mirror;
         if panels.is_empty() {
@@ -162,34 +166,16 @@ impl Walls {
         let entering =
             |(placed, air): (&Placed, &Vec3)| -f64::from(placed.panel.normal.dot(&(air - placed.velocity)));
         let right: Vec<f64> = panels.iter().zip(air).map(entering).collect();
-        let count = panels.len();
-        // The unknown of a point is its strength over its panel's squared width.
-        let at = panels.iter().map(|placed| match placed.panel.source.expect("a source each") {
-            point @ Source::Point(_) => (point, placed.panel.width.powi(2)),
-            tile @ Source::Tile(_) => (tile, 1.0),
-        });
-        let at: Vec<(Source, f32)> = at.collect();
-        // Row i: normal velocity at panel i that each source of unit density, times 4π, induces.
-        let mut rows = vec![0.0_f32; count * count];
-        par::for_chunks(&mut rows, count, |start, row| {
-            let Panel { x, normal, .. } = panels[start / count].panel;
-            for (entry, (source, square)) in row.iter_mut().zip(&at) {
-                *entry = normal.dot(&source.flow(x, mirror)) * square;
-            }
-        });
-        let apply = |q: &[f64]| {
-            let mut out = vec![0.0; count];
-            par::for_chunks(&mut out, 32, |start, out| {
-                for (i, out) in out.iter_mut().enumerate() {
-                    let row = &rows[(start + i) * count..][..count];
-                    *out = row.iter().zip(q).map(|(&a, q)| f64::from(a) * q).sum();
-                }
-            });
-            out
+        let moved;
+        let influence = if self.with_sources().all(|body| body.motion.is_none()) {
+            self.still.get_or_init(|| Influence::new(panels, mirror))
+        } else {
+            moved = Influence::new(panels, mirror);
+            &moved
         };
-        let (q, residual) = gmres(&right, RESIDUAL, MAX_ITERATIONS, apply);
+        let (q, residual) = gmres(&right, RESIDUAL, MAX_ITERATIONS, |q| influence.product(q));
         let mut sources = Sources { mirror, residual, ..Sources::default() };
-        for ((source, square), q) in at.into_iter().zip(q) {
+        for (&(source, square), q) in influence.unknowns.iter().zip(q) {
             match source {
                 Source::Point(y) => sources.points.push((y, q as f32 * square)),
                 Source::Tile(tile) => sources.tiles.push((tile, q as f32)),

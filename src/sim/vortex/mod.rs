@@ -52,6 +52,7 @@ pub(in crate::sim) use gourlay::grid::max_multigrid_bytes;
 pub use gourlay::multigrid_poisson;
 pub use grid::{UniformGrid, VectorField, boundary_values, choose_grid, grid_errors, poisson};
 pub use invariants::{Invariants, invariants};
+pub(in crate::sim) use pairs::columns;
 pub use quantities::{Gradient, Induced, Kernel, Method, Quantity, Targets};
 pub(crate) use reach::fraction_beyond_plane;
 pub use sampled_error::sampled_error;

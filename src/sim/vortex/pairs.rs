@@ -103,7 +103,7 @@ pub(super) fn vectors<const Q: usize, const N: usize>(s: [f32; SUMS]) -> [Vec3; 
 
 /// Eight positions as columns.
 #[inline(always)]
-pub(super) fn columns<L: Lanes>(positions: impl Fn(usize) -> Vec3) -> [L; 3] {
+pub(in crate::sim) fn columns<L: Lanes>(positions: impl Fn(usize) -> Vec3) -> [L; 3] {
     let (mut x, mut y, mut z) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
     for lane in 0..LANES {
         let at = positions(lane);

@@ -1,0 +1,51 @@
+//! Influence coefficients of source panels: the normal velocity that each source of unit density induces at each panel.
+
+use super::{sources::Source, walls::Placed};
+use crate::{
+    math::{Vec3, dot},
+    par,
+};
+
+/// Rows that one task multiplies.
+const ROWS: usize = 32;
+
+/// The coefficients of panels with one source each, times 4π, and their unknowns.
+#[derive(Debug)]
+pub(super) struct Influence {
+    /// Each source, and what makes of its unknown a strength: for a point the squared width of its panel [m²], else 1.
+    pub(super) unknowns: Vec<(Source, f32)>,
+    /// Row i: what panel i feels.
+    rows: Vec<f32>,
+}
+
+impl Influence {
+    /// The coefficients at `panels`, which have one source each, with their images in a mirror.
+    pub(super) fn new(panels: &[Placed], mirror: Option<(Vec3, f32)>) -> Self {
+        let unknown = |placed: &Placed| match placed.panel.source.expect("a source each") {
+            point @ Source::Point(_) => (point, placed.panel.width.powi(2)),
+            tile @ Source::Tile(_) => (tile, 1.0),
+        };
+        let unknowns: Vec<(Source, f32)> = panels.iter().map(unknown).collect();
+        let count = panels.len();
+        let mut rows = vec![0.0; count * count];
+        par::for_chunks(&mut rows, count, |start, row| {
+            let panel = panels[start / count].panel;
+            for (entry, (source, square)) in row.iter_mut().zip(&unknowns) {
+                *entry = panel.normal.dot(&source.flow(panel.x, mirror)) * square;
+            }
+        });
+        Self { unknowns, rows }
+    }
+
+    /// The product with a vector of unknowns.
+    pub(super) fn product(&self, q: &[f64]) -> Vec<f64> {
+        let count = self.unknowns.len();
+        let mut out = vec![0.0; count];
+        par::for_chunks(&mut out, ROWS, |start, out| {
+            for (i, out) in out.iter_mut().enumerate() {
+                *out = dot(&self.rows[(start + i) * count..][..count], q);
+            }
+        });
+        out
+    }
+}
