@@ -2,6 +2,7 @@
 """The shape of a preset for an object: analytic ones from its bounding box, else a mesh file; and its motion as keyframes."""
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from mathutils import Matrix
@@ -97,7 +98,7 @@ class Shaper:
             return Placed(box_shape(shape, box.moved(each.matrices[0][:3, 3]), shown), [], shown)
         if each.role.role not in MOVING:
             vertices, faces = solid(shape, box)
-            file = self.folder.add(f"{asset}.ply", assets.ply(vertices @ axes.T + each.matrices[0][:3, 3], faces))
+            file = self.add_mesh(asset, vertices @ axes.T + each.matrices[0][:3, 3], faces)
             return Placed({"mesh": self.mesh_table(each, file)}, [], shown)
         if shape == "PLANE":
             if any(pose.quaternion != IDENTITY for pose in found):
@@ -135,7 +136,7 @@ class Shaper:
         if len(found) == 1 and role != "BODY":
             start = matrix[:3, 3]
         vertices = each.vertices[0].astype(np.float64) @ matrix[:3, :3].T + start
-        file = self.folder.add(f"{name}.ply", assets.ply(vertices, oriented(each, matrix)))
+        file = self.add_mesh(name, vertices, oriented(each, matrix))
         moves = poses.keyframes(each.frames, found) if len(found) > 1 else []
         return Placed({"mesh": self.mesh_table(each, file)}, moves, directions(matrix))
 
@@ -143,11 +144,10 @@ class Shaper:
         """A mesh and the places of its vertices in every frame, both in the world."""
         if len(each.vertices) == 1:
             each.vertices = each.vertices * len(each.frames)
-        moves = zip(each.vertices, each.matrices)
-        samples = [(vertices @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32) for vertices, matrix in moves]
+        samples = [partial(moved, *both) for both in zip(each.vertices, each.matrices)]
         step = each.frames[1] - each.frames[0] if len(each.frames) > 1 else 1
-        file = self.folder.add(f"{name}.ply", assets.ply(samples[0], oriented(each, each.matrices[0])))
-        cache = self.folder.add(f"{name}.pc2", assets.pc2(samples, float(each.frames[0]), float(step)))
+        file = self.add_mesh(name, samples[0](), oriented(each, each.matrices[0]))
+        cache = self.folder.add(f"{name}.pc2", assets.pc2(samples, len(each.vertices[0]), float(each.frames[0]), float(step)))
         table = self.mesh_table(each, file)
         return Placed({"mesh": {"file": file, "point_cache": cache} | {key: value for key, value in table.items() if key != "file"}})
 
@@ -168,13 +168,17 @@ class Shaper:
             if each.geometry is None or not len(each.geometry.faces):
                 raise ShotError(f"{printable(each.source.name)}: has no faces, expected a mesh that encloses a volume. Choose another shape")
             vertices = each.vertices[0].astype(np.float64) * scale
-            file = self.folder.add(f"{name}.ply", assets.ply(vertices, oriented(each, each.matrices[0])))
+            file = self.add_mesh(name, vertices, oriented(each, each.matrices[0]))
             return Placed({"mesh": self.mesh_table(each, file)}, moves, own)
         low, high = self.bounds(each)
         ends = np.stack([low * scale, high * scale])
         box = Box(ends.min(0), ends.max(0))
         box.check(printable(each.source.name), axes=3)
         return Placed(box_shape(shape, box, own), moves, own)
+
+    def add_mesh(self, name: str, vertices: np.ndarray, faces: np.ndarray | list[tuple[int, ...]]) -> str:
+        """Adds a mesh to the files of the preset; returns its path."""
+        return self.folder.add(f"{name}.ply", [partial(assets.ply, vertices, faces)])
 
     def mesh_table(self, each: Sampled, file: str) -> dict[str, object]:
         resolution = each.role.resolution
@@ -200,6 +204,11 @@ class Box:
 
     def half(self) -> np.ndarray:
         return (self.high - self.low) / 2.0
+
+
+def moved(vertices: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Vertices in the world [m], in single precision."""
+    return (vertices @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32)
 
 
 def is_round(half: np.ndarray) -> bool:
