@@ -9,13 +9,14 @@ from types import SimpleNamespace
 
 import bpy
 import numpy as np
-from mathutils import Matrix, Quaternion
+from mathutils import Euler, Matrix, Quaternion
 
 import harness
 import ply
 from harness import check
 from presets import add, fresh, noted, posed, refused, write, world_points
 from scenes import empty, scene_module
+from volumes import load_openvdb
 
 MIRRORS = [(-1.0, 1.0, 1.0), (1.0, -1.0, 1.0), (1.0, 1.0, -1.0), (-1.0, -1.0, -1.0)]
 TURN = (0.3, 0.5, 0.2)
@@ -302,6 +303,36 @@ def check_left_out(folder: Path) -> None:
     check(cached == [f"assets/{bent.name}.ply"], "a mesh whose parent bends it is sampled in every frame", meshes)
 
 
+def check_cloud(folder: Path) -> None:
+    """Smoke fills an object when the shot starts, with its settings; its animation is reported."""
+    scene = empty(folder)
+    scene.frame_end, scene.unit_settings.scale_length = 2, 0.5
+    made = add("cloud", scale=(1.0, 1.0, 2.0), rotation_euler=TURN, location=(1.0, 2.0, 3.0))
+    made.meniscus.cloud.density = 0.5
+    made.keyframe_insert("location", frame=1)
+    made.location.x = 4.0
+    made.keyframe_insert("location", frame=2)
+    data, notes = write(scene)
+    noted(notes, "Smoke Cloud", "animation is left out")
+    found = data["smoke"]["source"][0]
+    check((found["density"], found["temperature"]) == (0.5, 180), "smoke at the start has its settings", found)
+    bpy.ops.meniscus.simulate(wait=True)
+    grid = load_openvdb().read(str(folder / "meniscus" / "draft" / "volume" / "smoke_0001.vdb"), "density")
+    low, high = grid.evalActiveVoxelBoundingBox()
+    values = np.zeros([most - least + 1 for least, most in zip(low, high)])
+    grid.copyToArray(values, ijk=low)
+    places = np.indices(values.shape).reshape(3, -1).T * grid.transform.voxelSize()[0] + np.array(grid.transform.indexToWorld(low))
+    weights = values.ravel()
+    mean = np.average(places, axis=0, weights=weights)
+    check(np.abs(mean - (0.5, 1.0, 1.5)).max() < 0.02, "the smoke is at the place of its object in the first frame [m]", mean)
+    # Along its Z axis the ellipsoid is twice as long.
+    along = ((places - mean) @ np.array(Euler(TURN).to_matrix()))
+    spread = np.average(along**2, axis=0, weights=weights) ** 0.5
+    check(1.7 < spread[2] / spread[0] < 2.2, "it has the shape of its object", spread)
+    full = float(np.median(values[values > 0.5 * values.max()]))
+    check(0.4 < full < 0.6, "it has its density", full)
+
+
 def stage_placing(folder: Path) -> None:
     check_pins(folder / "pins")
     check_mirrored(folder / "mirrored")
@@ -313,6 +344,7 @@ def stage_placing(folder: Path) -> None:
     check_turned(folder / "turned")
     check_left_out(folder / "left out")
     check_sources(folder / "sources")
+    check_cloud(folder / "cloud")
 
 
 if __name__ == "__main__":

@@ -289,7 +289,7 @@ def stage_panels(folder: Path) -> None:
     """Every panel and menu draws, for every role and kind of force."""
     scene = empty(folder)
     panels, add_module = scene_module("panels"), scene_module("add")
-    check(len(drawn(add_module.MENISCUS_MT_add)) == 16, "the menu draws its sixteen entries")
+    check(len(drawn(add_module.MENISCUS_MT_add)) == 17, "the menu draws its seventeen entries")
     for kind in add_module.KINDS:
         add(kind)
         found = drawn(panels.MENISCUS_PT_object)
@@ -310,7 +310,7 @@ def stage_panels(folder: Path) -> None:
     found = drawn(panels.MENISCUS_PT_scene)
     check("meniscus.simulate" in found and "meniscus.pause" not in found, "without a job there is Simulate", found)
     scene.meniscus.liquid.spacing = 0.2
-    for name in ("Body", "Cloth", "Smoke", "Smoke Ring", "Vortex Tube", "Turbulence", "Force", "Tap", "Glass"):
+    for name in ("Body", "Cloth", "Smoke", "Smoke Cloud", "Smoke Ring", "Vortex Tube", "Turbulence", "Force", "Tap", "Glass"):
         bpy.data.objects.remove(bpy.data.objects[name])
     scene.frame_end = 40
     bpy.ops.meniscus.simulate()

@@ -121,6 +121,7 @@ KINDS = {
     ),
     "force": Kind("Force", "Accelerates liquid and cloth", "FORCE_FORCE", "FORCE", "EVERYWHERE", None, sets_spacing=False),
     "smoke": Kind("Smoke", "A source of smoke", "VOLUME_DATA", "SMOKE", "SPHERE", lambda: sphere(0.15), place=(0, 0, 0.15)),
+    "cloud": Kind("Smoke Cloud", "Smoke that is there when the shot starts", "OUTLINER_OB_VOLUME", "CLOUD", "SPHERE", lambda: sphere(0.25), place=(0, 0, 0.4)),
     "ring": Kind("Smoke Ring", "A ring of smoke that flies up", "MESH_TORUS", "RING", "DISC", lambda: disc(0.4), place=(0, 0, 0.3), smoke_spacing=0.03),
     "tube": Kind(
         "Vortex Tube", "Air that swirls around an axis", "MESH_CYLINDER", "TUBE", "BOX",
@@ -195,9 +196,12 @@ def finish(context: bpy.types.Context, made: bpy.types.Object, name: str, scale:
     elif name == "inflow":
         # Litres a second: 1 m/s through its disc.
         role.emitter.rate = 20.0
-    elif name == "smoke":
+    elif name in ("smoke", "cloud"):
         # Without heat and velocity it would stay where it is.
-        role.smoke.temperature, role.smoke.use_velocity, role.smoke.velocity = 180.0, True, (0.0, 0.0, 0.4 / scale)
+        if name == "smoke":
+            role.smoke.temperature, role.smoke.use_velocity, role.smoke.velocity = 180.0, True, (0.0, 0.0, 0.4 / scale)
+        else:
+            role.cloud.temperature = 180.0
         if not context.scene.meniscus.smoke.is_property_set("use_buoyancy"):
             context.scene.meniscus.smoke.use_buoyancy = True
     elif name == "tap":

@@ -329,6 +329,9 @@ class Writer:
             if ranges:
                 found |= ranges[0]
             self.entry("smoke.emitter", each, self.shaper.place(each, each.asset), found)
+        for each in self.of("CLOUD"):
+            yield self.next_part()
+            self.entry("smoke.source", each, self.shaper.place(each, each.asset), self.values(each, "cloud", "SmokeSource"))
         self.vortices()
 
     def vortices(self) -> None:
