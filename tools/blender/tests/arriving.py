@@ -65,7 +65,7 @@ def check_renamed_result(folder: Path) -> None:
     try:
         arrived.scene = scene.session_uid
         for frame in (1, 2):
-            arrived.shapes(bpy.context, scene, None, None, [("sheet:Cloth", frame)])
+            arrived.shapes(bpy.context, scene, None, None, {"sheet:Cloth": frame})
             shown.name = "Sail"
     finally:
         module.show.show_shapes = before

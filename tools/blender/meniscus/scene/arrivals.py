@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """Shows the products of a running job as they are made.
 
-Surfaces and volumes of smoke have a file a frame, and are shown up to the last frame before which none is missing. Cloth,
-bodies and whitewater are made of all frames so far, again and again: each time, their objects are updated.
+Surfaces, their droplets and volumes of smoke have a file a frame, and are shown up to the last frame before which none is missing.
+Cloth, bodies, tanks with a look and whitewater are made of all frames so far, again and again: each time, their objects are updated.
+Level sets are none of these: a preset of a scene has no grid `surface`, as its liquids have meshes.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -14,8 +16,8 @@ from ..check import check_cache, check_sequence, check_sheet
 from ..folder import ShotFolder
 from ..headers import MAX_PLY_HEADER_BYTES, check_ply, head
 from ..messages import ShotError
-from ..motion import read_motion
-from ..shot import FOG, FRAME_NUMBER, Frames, MeshOutput, SequenceOutput, Shot, VolumeOutput, below, read_shot
+from ..motion import Motion, read_motion
+from ..shot import FOG, FRAME_NUMBER, Frames, MeshOutput, PointsOutput, SequenceOutput, Shot, VolumeOutput, below, read_shot
 from ..update import IMPORT, OUTPUT
 from ..vdb import check_vdb
 from ..viscosity import read_viscosity
@@ -23,9 +25,11 @@ from . import run, show
 from .identity import Sources
 
 SURFACE = MeshOutput("liquid", f"mesh/liquid_{FRAME_NUMBER}.ply", Frames(0, 0, 1), True)
+# Of a preset whose surface has `components`.
+DROPLETS = PointsOutput("liquid_points", f"mesh/liquid_points_{FRAME_NUMBER}.ply", Frames(0, 0, 1), True, is_whitewater=False)
 SMOKE = VolumeOutput("smoke", f"volume/smoke_{FRAME_NUMBER}.vdb", Frames(0, 0, 1), True, (FOG, "velocity"))
 # Names in the panel; cloth and bodies have those of their objects.
-LABELS = {"mesh:liquid": "Surface", "volume:smoke": "Smoke", "points:whitewater": "Whitewater"}
+LABELS = {"mesh:liquid": "Surface", "points:liquid_points": "Droplets", "volume:smoke": "Smoke", "points:whitewater": "Whitewater"}
 # Property of surfaces with colours.
 SOURCE = b" source\n"
 # A file may be replaced while it is read: so many looks may fail in a row.
@@ -42,6 +46,8 @@ class Arrivals:
         self.passes: dict[str, int] = {}
         # Keys of results whose objects are those of this job.
         self.made: set[str] = set()
+        # Names of colliders that are no results.
+        self.not_shown: set[str] = set()
         # The last frame that is shown, by the key of the output.
         self.last: dict[str, int] = {}
         # The session_uid of the scene that shows it.
@@ -96,9 +102,15 @@ class Arrivals:
             check_ply(files, SURFACE.path(frame))
         content, _ = head(files, SURFACE.path(self.frames[before]), MAX_PLY_HEADER_BYTES)
         output = MeshOutput(SURFACE.name, SURFACE.pattern, self.span(count), True, SOURCE in content.partition(b"element face")[0])
-        show.target(scene).sequence(output, outputs.shot_folder(files.root, "AUTO"), read_viscosity(self.shot))
+        shown: list[SequenceOutput] = [output]
+        if files.has(DROPLETS.path(output.frames.last)):
+            for frame in self.frames[before:count]:
+                check_ply(files, DROPLETS.path(frame), has_faces=False)
+            shown.append(replace(DROPLETS, frames=output.frames))
+        for each in shown:
+            show.target(scene).sequence(each, outputs.shot_folder(files.root, "AUTO"), read_viscosity(self.shot))
+            self.last[outputs.key_of(each)] = each.frames.last
         self.checked[SURFACE.name] = count
-        self.last[outputs.key_of(output)] = output.frames.last
 
     def volumes(self, context: bpy.types.Context, scene: bpy.types.Scene, files: ShotFolder, reported: set[int]) -> None:
         before, count = self.checked.get(SMOKE.name, 0), self.arrived(SMOKE, files, reported)
@@ -137,21 +149,24 @@ class Arrivals:
         if run.SHEETS in new:
             for sheet in shot.sheets:
                 check_sheet(sheet, files)
-            notes += self.shapes(context, scene, shot, files, [(f"sheet:{each.name}", each.frames.last) for each in shot.sheets])
-        if run.BODIES in new:
-            notes += self.bodies(context, scene, shot, files)
+            notes += self.shapes(context, scene, shot, files, {f"sheet:{each.name}": each.frames.last for each in shot.sheets})
+        if run.SOLIDS in new:
+            notes += self.solids(context, scene, shot, files)
         self.passes = dict(passes)
         return notes
 
-    def shapes(self, context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, files: ShotFolder, keys: list[tuple[str, int]]) -> list[str]:
-        """Makes the results of cloth and bodies, which follow their files from then on; what was reported about it."""
+    def shapes(self, context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, files: ShotFolder, lasts: dict[str, int]) -> list[str]:
+        """Makes the results of cloth, bodies and tanks, which follow their files from then on; what was reported about it.
+
+        `lasts` has the last frame of each, by its key.
+        """
         target, sources = show.target(scene), Sources(self.root)
-        lacking = [key for key, _ in keys if key not in self.made or target.existing(key) is None]
+        lacking = [key for key in lasts if key not in self.made or target.existing(key) is None]
         notes: list[str] = []
         if lacking:
             notes = show.show_shapes(context, scene, shot, sources, files)
-            self.made.update(key for key, _ in keys)
-        for key, last in keys:
+            self.made.update(lasts)
+        for key, last in lasts.items():
             shown = target.existing(key)
             if shown is not None:
                 # A modifier reads a point cache that has grown when its object is evaluated again.
@@ -159,20 +174,30 @@ class Arrivals:
                 self.last[key] = last
         return notes
 
-    def bodies(self, context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, files: ShotFolder) -> list[str]:
+    def solids(self, context: bpy.types.Context, scene: bpy.types.Scene, shot: Shot, files: ShotFolder) -> list[str]:
+        """Updates bodies, and tanks with a look; what was reported about it."""
         sources, target = Sources(self.root), show.target(scene)
-        found = [(each, f"body:{each.name}") for each in shot.colliders if sources.object(scene, each.name, "BODY") is not None]
-        motions = {}
-        for output, key in found:
-            motions[key] = read_motion(files, output.motion)
-            check_cache(output, motions[key], files)
+        motions: dict[str, Motion] = {}
+        for output in shot.colliders:
+            is_body = sources.object(scene, output.name, "BODY") is not None
+            if not is_body and output.name in self.not_shown:
+                continue
+            motion = read_motion(files, output.motion)
+            check_cache(output, motion, files)
+            if is_body or motion.shape == "tank":
+                motions[f"{'body' if is_body else 'tank'}:{output.name}"] = motion
+            else:
+                # The scene has it: its file need not be read again.
+                self.not_shown.add(output.name)
         known = self.made & motions.keys()
-        notes = self.shapes(context, scene, shot, files, [(key, motion.first + len(motion.poses) - 1) for key, motion in motions.items()])
+        notes = self.shapes(context, scene, shot, files, {key: motion.first + len(motion.poses) - 1 for key, motion in motions.items()})
         for key in known:
             shown = target.existing(key)
             if shown is not None:
                 colliders.remove_animation(shown)
                 show.moved(shown, motions[key], scene.unit_settings.scale_length)
+        # One at rest has one pose, and the last frame of one that moves may be that of its keyframes.
+        self.last = {key: last for key, last in self.last.items() if not key.startswith("tank:")}
         return notes
 
 

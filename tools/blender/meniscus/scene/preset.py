@@ -15,7 +15,7 @@ from . import assets, identity, joints, poses, sample, schema, settings, toml, v
 from .names import QUALITIES, Names
 from .places import blend_from, check_owner, folder_of
 from .roles import OF_SMOKE
-from .run import BODIES, SHEETS, SURFACES, VOLUMES, WHITEWATER
+from .run import SHEETS, SOLIDS, SURFACES, VOLUMES, WHITEWATER
 from .sample import Sampled
 from .shapes import Placed, Shaper
 from .toml import Document, Table
@@ -180,7 +180,9 @@ class Writer:
     def products(self) -> set[str]:
         """What the preset has that can be shown while it is simulated."""
         has_whitewater = self.has_liquid and self.shot.use_whitewater
-        has = [(SURFACES, self.has_liquid), (VOLUMES, self.has_smoke), (SHEETS, self.has_cloth), (BODIES, self.has_bodies), (WHITEWATER, has_whitewater)]
+        has_tank = any(each.role.shape == "TANK" and each.role.collider.use_look for each in self.of("COLLIDER"))
+        has = [(SURFACES, self.has_liquid), (VOLUMES, self.has_smoke), (SHEETS, self.has_cloth)]
+        has += [(SOLIDS, self.has_bodies or has_tank), (WHITEWATER, has_whitewater)]
         return {name for name, is_there in has if is_there}
 
     def of(self, role: str) -> list[Sampled]:
