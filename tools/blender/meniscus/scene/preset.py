@@ -463,7 +463,7 @@ class Writer:
             table = settings.values(getattr(each.role, f"kind_{kind.name}"), kind.name, self.scale, kind.keys)
             placed = self.shaper.force(each, each.asset)
             table = {name: clean_vector(placed.axes @ np.array(value)) if name in FORCE_VECTORS else value for name, value in table.items()}
-            for key, value in (("center", [0.0, 0.0, 0.0]), ("axis", placed.axes[:, 2].tolist())):
+            for key, value in (("center", placed.origin.tolist()), ("axis", placed.axes[:, 2].tolist())):
                 if any(one.name == key for one in kind.keys):
                     table = {key: value} | table
             values: dict[str, object] = {"kind": {kind.name: dict(table)}}
