@@ -9,12 +9,12 @@ from types import SimpleNamespace
 
 import bpy
 import numpy as np
-from mathutils import Euler, Matrix, Quaternion
+from mathutils import Euler, Matrix, Quaternion, Vector
 
 import harness
 import ply
 from harness import check
-from presets import add, fresh, noted, posed, refused, write, world_points
+from presets import add, fresh, noted, points, posed, refused, write, world_points
 from scenes import empty, scene_module
 from volumes import load_openvdb
 
@@ -333,6 +333,74 @@ def check_cloud(folder: Path) -> None:
     check(0.4 < full < 0.6, "it has its density", full)
 
 
+def check_pivot(folder: Path) -> None:
+    """What turns at constant speed about a distant point is written about that point, with a keyframe for each 2.5 rad."""
+    for name, drift in (("that rests", 0.0), ("that moves", 2.0)):
+        scene = fresh(folder / name)
+        scene.frame_end = 121
+        pivot = bpy.data.objects.new("Pivot", None)
+        scene.collection.objects.link(pivot)
+        for frame, angle in ((1, 0.0), (121, 12.0)):
+            pivot.rotation_euler, pivot.location = (0.3, 0.2, angle), (1.0 + drift * angle / 12.0, 2.0, 0.5)
+            pivot.keyframe_insert("rotation_euler", frame=frame)
+            pivot.keyframe_insert("location", frame=frame)
+        for curve in pivot.animation_data.action.layers[0].strips[0].channelbags[0].fcurves:
+            for point in curve.keyframe_points:
+                point.interpolation = "LINEAR"
+        mesh, box, force = add("collider"), add("outflow"), add("force")
+        force.meniscus.kind, force.meniscus.shape = "point", "SPHERE"
+        for index, each in enumerate((mesh, box, force)):
+            each.parent, each.location, each.rotation_euler = pivot, (3.0 - index, 0.5, 0.2), TURN
+        data, _ = write(scene, name)
+        entries = {"mesh": data["world"]["collider"][0], "box": data["liquid"]["outflow"][0], "force": data["force"][0]}
+        corners = np.array(list(entries["box"]["shape"]["box"].values()))
+        shown = {
+            "mesh": (points(folder / name / "meniscus" / entries["mesh"]["shape"]["mesh"]["file"])[::17], lambda frame: world_points(mesh, frame)[::17]),
+            "box": (corners, lambda frame: ends(box, frame)),
+            "force": (np.array([entries["force"]["kind"]["point"]["center"], entries["force"]["shape"]["sphere"]["center"]]), lambda frame: origins(force, frame)),
+        }
+        for kind, (own, wanted) in shown.items():
+            keys = entries[kind]["keyframes"]
+            worst = max(np.abs(posed(own, keys, frame) - wanted(frame)).max() for frame in range(1, 122))
+            print(f"A {kind} about a pivot {name}: {len(keys)} keyframes of 121 frames, at most {worst:.1e} m off")
+            check(len(keys) <= 7, f"a {kind} that turns by 12 rad about a pivot {name} has few keyframes", len(keys))
+            check(worst < 2e-5, f"a {kind} that turns about a pivot {name} is where Blender has it in every frame [m]", worst)
+
+
+def ends(box: bpy.types.Object, frame: int) -> np.ndarray:
+    """The lowest and the highest corner of a box, in its axes, in the world."""
+    bpy.context.scene.frame_set(frame)
+    corners = np.array([corner[:] for corner in box.bound_box])
+    return np.array([box.matrix_world @ Vector(corner) for corner in (corners.min(0), corners.max(0))])
+
+
+def origins(each: bpy.types.Object, frame: int) -> np.ndarray:
+    bpy.context.scene.frame_set(frame)
+    return np.array([each.matrix_world.to_translation()] * 2)
+
+
+def check_narrow(folder: Path) -> None:
+    """A tap in a scene whose spacing fits a pool is noted with the spacing that fits it, when it is added and when it is written."""
+    scene = empty(folder)
+    scene.unit_settings.scale_length = 0.5
+    add("pool")
+    add("inflow")
+    _, notes = write(scene, accepted=False)
+    check(not any("opening" in note for note in notes), "an inflow next to a pool is wide enough", notes)
+    add("tap")
+    check(abs(scene.meniscus.liquid.spacing - 0.06) < 1e-6, "the spacing stays that of the pool", scene.meniscus.liquid.spacing)
+    harness.expect("Tap: its opening of 0.012 m is 0.4 times as wide as the spacing of the liquid, 0.03 m")
+    _, notes = write(scene, accepted=False)
+    noted(notes, "Tap: its opening", "A Spacing of 0.0015 m fits it", "enlarge the opening to 0.24 m")
+    scene.meniscus.liquid.spacing = 0.003
+    _, notes = write(scene, accepted=False)
+    check(not any("opening" in note for note in notes), "with that spacing there is no note", notes)
+    scene = empty(folder / "tap first")
+    add("tap")
+    add("pool")
+    check(abs(scene.meniscus.liquid.spacing - 0.0015) < 1e-7, "of a tap that is first the spacing fits the tap", scene.meniscus.liquid.spacing)
+
+
 def stage_placing(folder: Path) -> None:
     check_pins(folder / "pins")
     check_mirrored(folder / "mirrored")
@@ -345,6 +413,8 @@ def stage_placing(folder: Path) -> None:
     check_left_out(folder / "left out")
     check_sources(folder / "sources")
     check_cloud(folder / "cloud")
+    check_pivot(folder / "pivot")
+    check_narrow(folder / "narrow")
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from bpy.props import EnumProperty
 from mathutils import Matrix, Vector
 
 from .. import colliders
-from . import roles, startup
+from . import nozzles, roles, settings, startup
 
 Faces = tuple[list[tuple[float, float, float]], list[tuple[int, ...]]]
 # Spacings [m] for scenes of metres and of a table.
@@ -219,6 +219,15 @@ def finish(context: bpy.types.Context, made: bpy.types.Object, name: str, scale:
         made.data.polygons.foreach_set("use_smooth", [True] * len(made.data.polygons))
 
 
+def narrow(context: bpy.types.Context, made: bpy.types.Object) -> str | None:
+    """A note on a nozzle that is too narrow for a spacing that the scene had before: its own would be too fine for a pool."""
+    if made.meniscus.role != "INFLOW":
+        return None
+    scale = context.scene.unit_settings.scale_length
+    spacing = settings.number(context.scene.meniscus.liquid, "LiquidParams", "spacing", scale)
+    return nozzles.narrow(made.name, made.meniscus.shape == "DISC", [scale * length for length in made.dimensions], spacing)
+
+
 class MENISCUS_OT_add(bpy.types.Operator):
     """Add an object with a role in a Meniscus shot"""
 
@@ -237,8 +246,12 @@ class MENISCUS_OT_add(bpy.types.Operator):
         return KINDS[properties.kind].text
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        for note in startup.tidy(context, add(context, self.kind)):
+        made = add(context, self.kind)
+        for note in startup.tidy(context, made):
             self.report({"INFO"}, note)
+        note = narrow(context, made)
+        if note is not None:
+            self.report({"WARNING"}, note)
         return {"FINISHED"}
 
 

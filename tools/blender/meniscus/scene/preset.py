@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from ..messages import ShotError, printable
-from . import assets, identity, joints, poses, sample, schema, settings, toml, vortices
+from . import assets, identity, joints, nozzles, poses, sample, schema, settings, toml, vortices
 from .names import QUALITIES, Names
 from .places import blend_from, check_owner, folder_of
 from .roles import OF_SMOKE
@@ -286,6 +286,7 @@ class Writer:
         if ranges is None:
             return
         placed = self.shaper.place(each, each.asset)
+        self.narrow(each)
         found = dict(self.values(each, "emitter", "LiquidEmitter"))
         for key in ("velocity", "direction"):
             if key in found:
@@ -299,6 +300,15 @@ class Writer:
         if ranges:
             found["on"] = ranges
         self.entry("liquid.emitter", each, placed, found)
+
+    def narrow(self, each: Sampled) -> None:
+        """Notes a nozzle that is too narrow for the spacing."""
+        low, high = self.shaper.bounds(each)
+        lengths = (high - low) * np.linalg.norm(each.matrices[0][:3, :3], axis=0)
+        spacing = settings.number(self.shot.liquid, "LiquidParams", "spacing", self.scale)
+        note = nozzles.narrow(each.source.name, each.role.shape == "DISC", lengths.tolist(), spacing)
+        if note is not None:
+            self.notes.append(note)
 
     def ranges(self, each: Sampled) -> list[dict[str, int]] | None:
         """Frames in which an object acts; empty if always, None if never, which is reported."""
