@@ -73,8 +73,8 @@ class Arrivals:
         try:
             files = ShotFolder(self.shot)
             self.surfaces(scene, files, job.frames_of(run.SURFACES))
-            self.volumes(context, scene, files, job.frames_of(run.VOLUMES))
-            notes = self.repeated(context, scene, files, job.passes())
+            notes = self.volumes(context, scene, files, job.frames_of(run.VOLUMES))
+            notes += self.repeated(context, scene, files, job.passes())
             job.messages.extend(note for note in notes if note not in job.messages)
             self.seen, self.failures = made_by(job), 0
         except ShotError:
@@ -112,15 +112,18 @@ class Arrivals:
             self.last[outputs.key_of(each)] = each.frames.last
         self.checked[SURFACE.name] = count
 
-    def volumes(self, context: bpy.types.Context, scene: bpy.types.Scene, files: ShotFolder, reported: set[int]) -> None:
+    def volumes(self, context: bpy.types.Context, scene: bpy.types.Scene, files: ShotFolder, reported: set[int]) -> list[str]:
+        """Shows new frames of smoke; what was reported about it."""
         before, count = self.checked.get(SMOKE.name, 0), self.arrived(SMOKE, files, reported)
         if count == before:
-            return
+            return []
         for frame in self.frames[before:count]:
             check_vdb(files, SMOKE.path(frame))
         self.checked[SMOKE.name] = count
         output = VolumeOutput(SMOKE.name, SMOKE.pattern, self.span(count), True, SMOKE.grids)
         folder, key = outputs.shot_folder(files.root, "AUTO"), outputs.key_of(output)
+        note = volumes.rewritten(output, folder, self.frames[before:count])
+        notes = [note] if note is not None else []
         shown = show.target(scene).existing(key)
         if shown is not None and key in self.made:
             shown.data.frame_duration = output.frames.last - output.frames.first + 1
@@ -129,10 +132,11 @@ class Arrivals:
             newest = self.frames[before:count]
             first = next((index for index, frame in enumerate(newest) if has_smoke(context, below(folder, output.path(frame)))), None)
             if first is None:
-                return
+                return notes
             show.target(scene).volume(context, output, folder, newest[first:], 0.0)
             self.made.add(key)
         self.last[key] = output.frames.last
+        return notes
 
     def repeated(self, context: bpy.types.Context, scene: bpy.types.Scene, files: ShotFolder, passes: dict[str, int]) -> list[str]:
         """Updates what is made of all frames so far; what was reported about it."""
