@@ -15,5 +15,6 @@ def narrow(name: str, is_disc: bool, lengths: Sequence[float], spacing: float) -
     if width <= 0.0 or width >= MIN_WIDTH * spacing:
         return None
     finding = f"its opening of {width:.3g} m is {width / spacing:.2g} times as wide as the spacing of the liquid, {spacing:.3g} m"
-    advice = f"A Spacing of {width / FITTING_WIDTH:.3g} m fits it; Plan shows what that takes. Or enlarge the opening to {FITTING_WIDTH * spacing:.3g} m"
+    enlarged = f"enlarge the opening to {FITTING_WIDTH * spacing:.3g} m, and its rate with its area"
+    advice = f"A Spacing of {width / FITTING_WIDTH:.3g} m fits it; Plan shows what that takes. Or {enlarged}"
     return f"{printable(name)}: {finding}: little or no liquid comes out. {advice}"
