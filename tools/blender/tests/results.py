@@ -176,7 +176,7 @@ def arrivals(scene: bpy.types.Scene, until) -> list[str]:
 
 
 def stage_arrivals(folder: Path) -> None:
-    """Smoke, cloth, bodies, whitewater, droplets and tanks are shown while they are simulated, and the panel lists them."""
+    """Smoke, cloth, bodies, whitewater, mist, droplets and tanks are shown while they are simulated, and the panel lists them."""
     scene = empty(folder / "smoke and cloth")
     scene.frame_end = 2000
     cloth = add("cloth")
@@ -244,21 +244,23 @@ def check_droplets_arrive(folder: Path) -> None:
         tank.keyframe_insert("location", frame=frame)
     scene.meniscus.liquid.spacing, scene.frame_end = 0.05, 2000
     components = scene.meniscus.surface
+    scene.meniscus.use_whitewater, scene.meniscus.whitewater.use_files, scene.meniscus.whitewater.files = True, True, {"vdb"}
     # All of the drop are droplets.
     components.use_components, components.components.smallest = True, 1e6
     seen = []
 
     def arrived() -> bool:
         drops, walls = result(scene, "points:liquid_points"), result(scene, "tank:tank")
-        if drops is None or walls is None or walls.animation_data is None or walls.animation_data.action is None:
+        mist = result(scene, "volume:whitewater")
+        if mist is None or drops is None or walls is None or walls.animation_data is None or walls.animation_data.action is None:
             return False
-        seen.append(sequence_input(drops, "Last"))
-        return seen[-1] > seen[0] and walls.animation_data.action.frame_range[1] > 10
+        seen.append((sequence_input(drops, "Last"), mist.data.frame_duration))
+        return all(last > first for first, last in zip(seen[0], seen[-1])) and walls.animation_data.action.frame_range[1] > 10
 
     lines = arrivals(scene, arrived)
-    check(len(seen) > 1, "droplets have more frames at each look", seen[-2:])
+    check(len(seen) > 1, "droplets and mist have more frames at each look", seen[-2:])
     text = lines[-1] if lines else ""
-    check("Droplets" in text and "tank" not in text, "the panel lists them, but no tank", lines)
+    check("Droplets" in text and "Mist" in text and "tank" not in text, "the panel lists them, but no tank", lines)
     scene.frame_set(2)
     drops = cloud(result(scene, "points:liquid_points"))
     table = read_points(folder / "meniscus" / "draft" / "mesh" / "liquid_points_0002.ply")

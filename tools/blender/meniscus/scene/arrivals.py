@@ -17,7 +17,7 @@ from ..folder import ShotFolder
 from ..headers import MAX_PLY_HEADER_BYTES, check_ply, head
 from ..messages import ShotError
 from ..motion import Motion, read_motion
-from ..shot import FOG, FRAME_NUMBER, Frames, MeshOutput, PointsOutput, SequenceOutput, Shot, VolumeOutput, below, read_shot
+from ..shot import FOG, FRAME_NUMBER, WHITEWATER, Frames, MeshOutput, PointsOutput, SequenceOutput, Shot, VolumeOutput, below, read_shot
 from ..update import IMPORT, OUTPUT
 from ..vdb import check_vdb
 from ..viscosity import read_viscosity
@@ -29,7 +29,7 @@ SURFACE = MeshOutput("liquid", f"mesh/liquid_{FRAME_NUMBER}.ply", Frames(0, 0, 1
 DROPLETS = PointsOutput("liquid_points", f"mesh/liquid_points_{FRAME_NUMBER}.ply", Frames(0, 0, 1), True, is_whitewater=False)
 SMOKE = VolumeOutput("smoke", f"volume/smoke_{FRAME_NUMBER}.vdb", Frames(0, 0, 1), True, (FOG, "velocity"))
 # Names in the panel; cloth and bodies have those of their objects.
-LABELS = {"mesh:liquid": "Surface", "points:liquid_points": "Droplets", "volume:smoke": "Smoke", "points:whitewater": "Whitewater"}
+LABELS = {"mesh:liquid": "Surface", "points:liquid_points": "Droplets", "volume:smoke": "Smoke", "points:whitewater": "Whitewater", "volume:whitewater": "Mist"}
 # Property of surfaces with colours.
 SOURCE = b" source\n"
 # A file may be replaced while it is read: so many looks may fail in a row.
@@ -121,16 +121,19 @@ class Arrivals:
             check_vdb(files, SMOKE.path(frame))
         self.checked[SMOKE.name] = count
         output = VolumeOutput(SMOKE.name, SMOKE.pattern, self.span(count), True, SMOKE.grids)
-        folder, key = outputs.shot_folder(files.root, "AUTO"), outputs.key_of(output)
-        note = volumes.rewritten(output, folder, self.frames[before:count])
+        return self.cloud(context, scene, output, outputs.shot_folder(files.root, "AUTO"), self.frames[before:count])
+
+    def cloud(self, context: bpy.types.Context, scene: bpy.types.Scene, output: VolumeOutput, folder: str, newest: list[int]) -> list[str]:
+        """Shows a sequence of volumes with its newest frames, once there is anything in one; what was reported about it."""
+        key, note = outputs.key_of(output), volumes.rewritten(output, folder, newest)
         notes = [note] if note is not None else []
         shown = show.target(scene).existing(key)
         if shown is not None and key in self.made:
             shown.data.frame_duration = output.frames.last - output.frames.first + 1
         else:
-            # The material's density follows from the size of the smoke: without any it is too early.
-            newest = self.frames[before:count]
-            first = next((index for index, frame in enumerate(newest) if has_smoke(context, below(folder, output.path(frame)))), None)
+            # The material's density follows from the size of the cloud: without any it is too early.
+            extents = (volumes.extent(context, output.name, [below(folder, output.path(frame))]) for frame in newest)
+            first = next((index for index, extent in enumerate(extents) if extent is not None), None)
             if first is None:
                 return notes
             show.target(scene).volume(context, output, folder, newest[first:], 0.0)
@@ -150,6 +153,11 @@ class Arrivals:
                 check_sequence(output, files, lambda _text: None)
                 show.target(scene).sequence(output, outputs.shot_folder(files.root, "AUTO"), shot.viscosity)
                 self.last[outputs.key_of(output)] = output.frames.last
+            # Points that show the same are shown in their place.
+            for output in (each for each in shot.volumes if set(WHITEWATER) & set(each.grids) and not each.is_hidden):
+                present, before = check_sequence(output, files, lambda _text: None), self.checked.get(output.name, 0)
+                self.checked[output.name] = len(present)
+                notes += self.cloud(context, scene, output, outputs.shot_folder(files.root, "AUTO"), present[before:])
         if run.SHEETS in new:
             for sheet in shot.sheets:
                 check_sheet(sheet, files)
@@ -203,10 +211,6 @@ class Arrivals:
         # One at rest has one pose, and the last frame of one that moves may be that of its keyframes.
         self.last = {key: last for key, last in self.last.items() if not key.startswith("tank:")}
         return notes
-
-
-def has_smoke(context: bpy.types.Context, path: str) -> bool:
-    return volumes.extent(context, SMOKE.name, [path]) is not None
 
 
 def made_by(job: run.Job) -> tuple:
