@@ -4,6 +4,8 @@
 run.py starts each stage in a process of its own. There is no window, so events are made up.
 """
 
+import os
+import time
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -291,7 +293,15 @@ def check_cancelled_late(folder: Path) -> None:
     finally:
         assets.sync = replace
     check(contents(folder) == before, "and leaves the earlier preset and its meshes", sorted(contents(folder)))
+    for name, age in ((".Collider.pc2.1.tmp", 2 * 86400), (".Collider.ply.1.tmp", 60), ("..Mine.1.tmp", 2 * 86400)):
+        path = folder / "meniscus" / "assets" / name
+        path.write_bytes(b"part")
+        os.utime(path, (time.time() - age,) * 2)
     bpy.ops.meniscus.write()
+    left = [each.name for each in (folder / "meniscus" / "assets").glob(".*.tmp")]
+    check(sorted(left) == ["..Mine.1.tmp", ".Collider.ply.1.tmp"], "a temporary file of a Blender that ended long ago is removed, no other one", left)
+    for name in left:
+        (folder / "meniscus" / "assets" / name).unlink()
     after = contents(folder)
     changed = {path for path in after if after[path] != before.get(path)}
     is_right = changed == {"assets/Collider.pc2", "assets/Collider.ply"} and after.keys() == before.keys()

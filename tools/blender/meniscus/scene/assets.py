@@ -10,6 +10,7 @@ import json
 import os
 import re
 import struct
+import time
 from collections.abc import Callable, Generator
 from functools import partial
 from pathlib import Path
@@ -26,6 +27,9 @@ OBJECTS = "objects.json"
 PRESET = "scene.toml"
 MARK = "# Written by Meniscus for Blender."
 OWN_FILE = re.compile(r"[A-Za-z0-9_-]{1,63}\.(?:ply|pc2)")
+TEMPORARY = re.compile(rf"\.{OWN_FILE.pattern}\.\d+\.tmp")
+# Age [s] at which a temporary file is that of a Blender that ended while it wrote.
+ABANDONED_SECONDS = 86400.0
 MAX_LIST_BYTES, MAX_OBJECTS_BYTES = 1 << 20, 16 << 20
 PC2_VERSION = 1
 # Bytes that are synced to the disk at once: more would hold Blender up at the end of a long point cache.
@@ -155,7 +159,18 @@ class Folder:
         write(self.assets / OBJECTS, (json.dumps(objects, indent=1) + "\n").encode("ascii"))
         removed = [name for name in sorted(earlier - written) if self.remove(name)]
         self.write_list(written)
+        self.remove_abandoned()
         return self.root / PRESET, removed
+
+    def remove_abandoned(self) -> None:
+        """Removes old temporary files, which may have gigabytes."""
+        for path in self.assets.iterdir():
+            try:
+                if TEMPORARY.fullmatch(path.name) and time.time() - path.lstat().st_mtime > ABANDONED_SECONDS:
+                    path.unlink()
+            except OSError:
+                # Of another user, or gone meanwhile: the preset needs none of them.
+                pass
 
     def listed(self) -> set[str]:
         """Names of the files that this extension wrote earlier and listed."""
