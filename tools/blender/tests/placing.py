@@ -367,6 +367,18 @@ def check_pivot(folder: Path) -> None:
             check(worst < 2e-5, f"a {kind} that turns about a pivot {name} is where Blender has it in every frame [m]", worst)
 
 
+def check_far_pivot() -> None:
+    """About a pivot that is too far for single precision nothing is written."""
+    poses = scene_module("poses")
+    frames = list(range(1, 122))
+    for radius, angle, is_pivot in ((1000.0, 0.01, False), (1000.0, 3.0, True), (18.0, 0.05, False), (3.0, 1.0, True)):
+        rotations = [Quaternion((0.0, 0.0, 1.0), angle * index / 120.0) for index in range(121)]
+        found = [poses.Pose(tuple(radius * part for part in rotation @ Vector((1.0, 0.0, 0.0))), tuple(rotation), 1.0) for rotation in rotations]
+        pivot, _, chosen = poses.pivoted(frames, found)
+        is_right = np.allclose(pivot, (-radius, 0.0, 0.0), atol=1e-3 * radius) if is_pivot else not np.any(pivot)
+        check(is_right, f"a turn of {angle} rad at {radius:g} m {'has its pivot' if is_pivot else 'keeps its origin'}", (pivot, len(chosen)))
+
+
 def ends(box: bpy.types.Object, frame: int) -> np.ndarray:
     """The lowest and the highest corner of a box, in its axes, in the world."""
     bpy.context.scene.frame_set(frame)
@@ -414,6 +426,7 @@ def stage_placing(folder: Path) -> None:
     check_sources(folder / "sources")
     check_cloud(folder / "cloud")
     check_pivot(folder / "pivot")
+    check_far_pivot()
     check_narrow(folder / "narrow")
 
 

@@ -20,6 +20,9 @@ MAX_ARC = 2.5
 MAX_RUN = 1000
 # Singular values of the fit of a pivot, over the largest, that count as zero: along the axis of a turn a pivot has no place of its own.
 MIN_SINGULAR = 1e-5
+# Distance of a pivot over the size of the path, or over 1 m: vertices about a farther one are rounded to more than a tenth of an error
+# that turns may have.
+MAX_ARM = 16.0
 
 
 @dataclass(frozen=True)
@@ -170,7 +173,8 @@ def pivoted(frames: list[int], poses: list[Pose]) -> tuple[np.ndarray, list[Pose
         return zero
     times = np.array(frames, np.float64)
     # As far as a turn of the largest angle moves a point of the path.
-    offset = MAX_ANGLE * max(1.0, float(np.ptp(rows[:, :3], axis=0).max()))
+    size = max(1.0, float(np.ptp(rows[:, :3], axis=0).max()))
+    offset = MAX_ANGLE * size
     columns = np.stack([rotated(rows[:, 3:7], axis) for axis in np.eye(3)], axis=2) * rows[:, 7, None, None]
     for order in (0, 1):
         # Places + columns · arm = line, by least squares.
@@ -179,7 +183,7 @@ def pivoted(frames: list[int], poses: list[Pose]) -> tuple[np.ndarray, list[Pose
         unknown = np.linalg.lstsq(np.concatenate([columns, line], axis=2).reshape(3 * len(times), -1), -rows[:, :3].ravel(), rcond=MIN_SINGULAR)[0]
         arm, about = unknown[:3], rows.copy()
         about[:, :3] = powers @ unknown[3:].reshape(-1, 3)
-        if not are_near(rows, about, arm, offset):
+        if np.linalg.norm(arm) > MAX_ARM * size or not are_near(rows, about, arm, offset):
             continue
         chosen = needed(times, lambda run: (lines := interpolated(times[run], about[run])) is not None and are_near(rows[run][1:-1], lines, arm, offset))
         if 2 * len(chosen) <= len(own):
