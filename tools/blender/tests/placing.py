@@ -392,7 +392,7 @@ def origins(each: bpy.types.Object, frame: int) -> np.ndarray:
 
 
 def check_narrow(folder: Path) -> None:
-    """A tap in a scene whose spacing fits a pool is noted with the spacing that fits it, when it is added and when it is written."""
+    """A tap in a scene whose spacing fits a pool is noted with the spacing that fits it, when it is added and when it is written; so is the reverse."""
     scene = empty(folder)
     scene.unit_settings.scale_length = 0.5
     add("pool")
@@ -409,8 +409,12 @@ def check_narrow(folder: Path) -> None:
     check(not any("opening" in note for note in notes), "with that spacing there is no note", notes)
     scene = empty(folder / "tap first")
     add("tap")
+    harness.expect("Pool: it has up to 178 million particles at the spacing of the liquid, 0.0015 m")
     add("pool")
     check(abs(scene.meniscus.liquid.spacing - 0.0015) < 1e-7, "of a tap that is first the spacing fits the tap", scene.meniscus.liquid.spacing)
+    _, notes = write(scene, accepted=False)
+    noted(notes, "Pool: it has up to 178 million particles", "A Spacing of 0.0084 m gives a million", "scale the object by 0.18")
+    check(not any("opening" in note for note in notes), "the tap fits", notes)
 
 
 def stage_placing(folder: Path) -> None:

@@ -10,7 +10,7 @@ from bpy.props import EnumProperty
 from mathutils import Matrix, Vector
 
 from .. import colliders
-from . import nozzles, roles, settings, startup
+from . import roles, settings, spacing, startup
 
 Faces = tuple[list[tuple[float, float, float]], list[tuple[int, ...]]]
 # Spacings [m] for scenes of metres and of a table.
@@ -219,13 +219,11 @@ def finish(context: bpy.types.Context, made: bpy.types.Object, name: str, scale:
         made.data.polygons.foreach_set("use_smooth", [True] * len(made.data.polygons))
 
 
-def narrow(context: bpy.types.Context, made: bpy.types.Object) -> str | None:
-    """A note on a nozzle that is too narrow for a spacing that the scene had before: its own would be too fine for a pool."""
-    if made.meniscus.role != "INFLOW":
-        return None
+def note_on(context: bpy.types.Context, made: bpy.types.Object) -> str | None:
+    """A note on an object that does not fit the spacing that the scene had before: one spacing fits no tap and a pool."""
     scale = context.scene.unit_settings.scale_length
-    spacing = settings.number(context.scene.meniscus.liquid, "LiquidParams", "spacing", scale)
-    return nozzles.narrow(made.name, made.meniscus.shape == "DISC", [scale * length for length in made.dimensions], spacing)
+    distance = settings.number(context.scene.meniscus.liquid, "LiquidParams", "spacing", scale)
+    return spacing.note(made.name, made.meniscus.role, made.meniscus.shape, [scale * length for length in made.dimensions], distance)
 
 
 class MENISCUS_OT_add(bpy.types.Operator):
@@ -249,7 +247,7 @@ class MENISCUS_OT_add(bpy.types.Operator):
         made = add(context, self.kind)
         for note in startup.tidy(context, made):
             self.report({"INFO"}, note)
-        note = narrow(context, made)
+        note = note_on(context, made)
         if note is not None:
             self.report({"WARNING"}, note)
         return {"FINISHED"}

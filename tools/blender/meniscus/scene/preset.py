@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from ..messages import ShotError, printable
-from . import assets, identity, joints, nozzles, poses, sample, schema, settings, toml, vortices
+from . import assets, identity, joints, poses, sample, schema, settings, spacing, toml, vortices
 from .names import QUALITIES, Names
 from .places import blend_from, check_owner, folder_of
 from .roles import OF_SMOKE
@@ -261,6 +261,7 @@ class Writer:
         self.document.table("liquid", values)
         for each in self.of("FLUID"):
             yield self.next_part()
+            self.fits(each)
             placed = self.shaper.place(each, each.asset)
             self.entry("liquid.source", each, placed, self.values(each, "source", "LiquidSource"))
         for each in self.of("INFLOW"):
@@ -286,7 +287,7 @@ class Writer:
         if ranges is None:
             return
         placed = self.shaper.place(each, each.asset)
-        self.narrow(each)
+        self.fits(each)
         found = dict(self.values(each, "emitter", "LiquidEmitter"))
         for key in ("velocity", "direction"):
             if key in found:
@@ -301,12 +302,12 @@ class Writer:
             found["on"] = ranges
         self.entry("liquid.emitter", each, placed, found)
 
-    def narrow(self, each: Sampled) -> None:
-        """Notes a nozzle that is too narrow for the spacing."""
+    def fits(self, each: Sampled) -> None:
+        """Notes a nozzle that is too narrow for the spacing, and liquid that is too much for it."""
         low, high = self.shaper.bounds(each)
         lengths = (high - low) * np.linalg.norm(each.matrices[0][:3, :3], axis=0)
-        spacing = settings.number(self.shot.liquid, "LiquidParams", "spacing", self.scale)
-        note = nozzles.narrow(each.source.name, each.role.shape == "DISC", lengths.tolist(), spacing)
+        distance = settings.number(self.shot.liquid, "LiquidParams", "spacing", self.scale)
+        note = spacing.note(each.source.name, each.role.role, each.role.shape, lengths.tolist(), distance)
         if note is not None:
             self.notes.append(note)
 
