@@ -14,7 +14,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
-from . import reload, scene, studio
+from . import reload, scene, studio, volumes
 from .check import check_cache, check_files
 from .folder import ShotFolder
 from .messages import ShotError, listed
@@ -101,6 +101,8 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
         for made in all_made:
             made.select_set(True)
             context.view_layer.objects.active = made
+        for text in filter(None, (volumes.rewritten(output, folder, frames[output]) for output in shot.volumes)):
+            self.report({"WARNING"}, text)
         if shot.skipped:
             text = f"{shot.title}: not opened, of a kind that Blender cannot show: {listed(shot.skipped)}"
             self.report({"WARNING"}, text)
@@ -157,7 +159,9 @@ def hints(shot: Shot) -> list[str]:
     hidden = [output.name for output in (*shot.points, *shot.volumes) if output.is_hidden]
     if hidden:
         found.append(f"{listed(hidden)}: hidden, since another object shows the same; unhide it in the outliner")
-    found += [f"{volume.name}: the surface of its level set is shown; it has no motion blur" for volume in shot.volumes if volume.has_surface]
+    for volume in (volume for volume in shot.volumes if volume.has_surface):
+        blur = "" if volume.has_velocity else "; without a grid velocity it has no motion blur"
+        found.append(f"{volume.name}: the surface of its level set is shown{blur}")
     return found
 
 

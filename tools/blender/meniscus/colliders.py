@@ -9,7 +9,7 @@ from math import radians
 import bpy
 from mathutils import Matrix, Vector
 
-from .material import own
+from .material import own, principled
 from .motion import Motion
 from .sheets import read_mesh
 from .shot import ColliderOutput
@@ -103,7 +103,7 @@ def plain(name: str, stamp: str, colour: tuple[float, ...], roughness: float) ->
     material, is_new = own(name, stamp)
     if is_new:
         material.diffuse_color = colour
-        shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+        shader = principled(material)
         shader.inputs["Base Color"].default_value = colour
         shader.inputs["Roughness"].default_value = roughness
     return material
@@ -117,7 +117,7 @@ def glass() -> bpy.types.Material:
     material.use_raytrace_refraction = True
     material.diffuse_color = (0.8, 0.9, 0.9, 0.3)
     nodes, links = material.node_tree.nodes, material.node_tree.links
-    surface = next(node for node in nodes if node.type == "BSDF_PRINCIPLED")
+    surface = principled(material)
     output = next(node for node in nodes if node.type == "OUTPUT_MATERIAL")
     surface.inputs["Base Color"].default_value = (1.0, 1.0, 1.0, 1.0)
     surface.inputs["Roughness"].default_value = 0.0

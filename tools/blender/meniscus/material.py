@@ -41,7 +41,17 @@ def own(name: str, stamp: str) -> tuple[bpy.types.Material, bool]:
     material = bpy.data.materials.new(name)
     material[stamp] = True
     material.use_nodes = True
+    # Next to an active volume Blender gives a new material the nodes of one.
+    nodes = material.node_tree.nodes
+    nodes.clear()
+    surface, output = nodes.new("ShaderNodeBsdfPrincipled"), nodes.new("ShaderNodeOutputMaterial")
+    output.location = (300, 0)
+    material.node_tree.links.new(surface.outputs[0], output.inputs["Surface"])
     return material, True
+
+
+def principled(material: bpy.types.Material) -> bpy.types.Node:
+    return next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
 
 
 def water() -> bpy.types.Material:
@@ -99,7 +109,7 @@ def liquids() -> bpy.types.Material:
     material, is_new = own(LIQUIDS_NAME, LIQUIDS_STAMP)
     if is_new:
         nodes, links = material.node_tree.nodes, material.node_tree.links
-        surface = next(node for node in nodes if node.type == "BSDF_PRINCIPLED")
+        surface = principled(material)
         surface.inputs["Roughness"].default_value = LIQUIDS_ROUGHNESS
         surface.inputs["IOR"].default_value = IOR
         surface.inputs["Coat Weight"].default_value = LIQUIDS_COAT
@@ -115,7 +125,7 @@ def foam() -> bpy.types.Material:
     material, is_new = own(FOAM_NAME, FOAM_STAMP)
     if is_new:
         material.diffuse_color = FOAM_COLOUR
-        surface = material.node_tree.nodes["Principled BSDF"]
+        surface = principled(material)
         surface.inputs["Base Color"].default_value = FOAM_COLOUR
         surface.inputs["Roughness"].default_value = 0.8
     return material
@@ -126,7 +136,7 @@ def tracers() -> bpy.types.Material:
     material, is_new = own(TRACERS_NAME, TRACERS_STAMP)
     if is_new:
         material.diffuse_color = TRACERS_COLOUR
-        surface = material.node_tree.nodes["Principled BSDF"]
+        surface = principled(material)
         surface.inputs["Base Color"].default_value = TRACERS_COLOUR
         surface.inputs["Roughness"].default_value = 1.0
     return material

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""The geometry node groups that read sequences of meshes and points; a saved file needs neither add-on nor scripts.
+"""The geometry node groups that read sequences of meshes and points, and velocities of level sets; a saved file needs neither add-on nor scripts.
 
 Scene Time → whole frame → clamped to the sequence → back to the last frame on its step → Format String → Import PLY or OBJ
 → `velocity` from vx, vy, vz → for surfaces `colour` by `source`, smooth shading; for points balls of their `radius`, or
@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import bpy
 
 NAME = "Meniscus Sequence"
-REVISION = 2
+REVISION = 3
 COLOUR = "colour"
+LEVEL_SET_NAME, LEVEL_SET_STAMP = "Meniscus Level Set Velocity", "meniscus_level_set"
 
 
 @dataclass(frozen=True)
@@ -61,8 +62,9 @@ COLOUR_INPUTS = [
     ),
 ]
 INSTANCE_INPUTS = [
-    ("Instances", "NodeSocketBool", "Show the object below at every point, in place of a ball. Instances have no motion blur"),
+    ("Instances", "NodeSocketBool", "Show the object below at every point, in place of a ball. Without Blur Instances they have no motion blur"),
     ("Instance", "NodeSocketObject", "Object of radius 1 about its origin; it is scaled by each point's radius"),
+    ("Blur Instances", "NodeSocketBool", "Make the instances one mesh with velocities, for motion blur in Cycles: each needs the memory of its mesh"),
 ]
 
 
@@ -81,6 +83,25 @@ def sequence_group(reader: Reader = SURFACE) -> bpy.types.NodeTree:
             socket.default_value = COLOURS[int(name.removeprefix("Colour ")) - 1]
     Builder(group).build(reader)
     return group
+
+
+def level_set_group() -> bpy.types.NodeTree:
+    """The group that gives the surface of a level set its velocities: the .blend's own if it has one, else a new one."""
+    for group in bpy.data.node_groups:
+        if group.get(LEVEL_SET_STAMP) == REVISION and group.is_editable:
+            return group
+    group = bpy.data.node_groups.new(LEVEL_SET_NAME, "GeometryNodeTree")
+    group[LEVEL_SET_STAMP] = REVISION
+    group.is_modifier = True
+    group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    group.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
+    group.interface.new_socket("Volume", description="Volume with the grid `velocity` [m/s]", in_out="INPUT", socket_type="NodeSocketObject")
+    Builder(group).build_level_set()
+    return group
+
+
+def is_of_level_set(modifier: bpy.types.Modifier) -> bool:
+    return modifier.type == "NODES" and modifier.node_group is not None and LEVEL_SET_STAMP in modifier.node_group
 
 
 def set_inputs(modifier: bpy.types.NodesModifier, values: dict[str, object]) -> None:
@@ -210,4 +231,15 @@ class Builder:
         many = self.node("GeometryNodeInstanceOnPoints", balls.outputs[0])
         self.group.links.new(shape.outputs["Geometry"], many.inputs["Instance"])
         self.group.links.new(radius, many.inputs["Scale"])
-        return self.choice(given["Instances"], self.material(given, balls.outputs[0]), many.outputs[0])
+        # Cycles blurs no instance by its velocity, but a mesh whose vertices have those of their instances.
+        real = self.node("GeometryNodeRealizeInstances", many.outputs[0]).outputs[0]
+        shown = self.choice(given["Blur Instances"], many.outputs[0], real)
+        return self.choice(given["Instances"], self.material(given, balls.outputs[0]), shown)
+
+    def build_level_set(self) -> None:
+        """The surface of a level set with the velocities that its volume has at its vertices."""
+        given = self.node("NodeGroupInput").outputs
+        volume = self.node("GeometryNodeObjectInfo", given["Volume"], transform_space="RELATIVE").outputs["Geometry"]
+        grid = self.node("GeometryNodeGetNamedGrid", volume, "velocity", data_type="VECTOR").outputs["Grid"]
+        velocity = self.node("GeometryNodeSampleGrid", grid, data_type="VECTOR").outputs[0]
+        self.node("NodeGroupOutput", self.store(given["Geometry"], "velocity", "FLOAT_VECTOR", velocity))

@@ -11,11 +11,12 @@ from pathlib import Path
 
 import bpy
 
-from . import nodes, outputs, sheets
+from . import nodes, outputs, sheets, volumes
 from .check import check_cache, check_files
 from .folder import ShotFolder
 from .messages import ShotError, listed, printable
 from .motion import read_motion
+from .selection import chosen, select
 from .shot import below, read_shot
 from .update import IMPORT, OUTPUT, Target
 
@@ -58,6 +59,9 @@ def reload(context: bpy.types.Context, scene: bpy.types.Scene, number: str, show
     now = [target.sequence(output, folder, shot.viscosity) for output in (*shot.meshes, *shot.points)]
     for output in shot.volumes:
         now += target.volume(context, output, folder, frames[output], shot.viscosity)
+        text = volumes.rewritten(output, folder, frames[output])
+        if text is not None:
+            notes.append(("WARNING", text))
     for sheet in shot.sheets:
         now.append(target.adopt(sheets.add_sheet(sheet, files.full(sheet.rest), below(folder, sheet.cache)), outputs.key_of(sheet)))
     for collider, motion in motions.items():
@@ -91,7 +95,7 @@ class IMPORT_SCENE_OT_meniscus_reload(bpy.types.Operator):
         return context.mode == "OBJECT"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        selected, active = list(context.selected_objects), context.view_layer.objects.active
+        selected, active = chosen(context.view_layer)
         failed = 0
         for number, shown in imports(context.scene).items():
             try:
@@ -100,9 +104,7 @@ class IMPORT_SCENE_OT_meniscus_reload(bpy.types.Operator):
             except ShotError as error:
                 failed += 1
                 self.report({"ERROR"}, str(error))
-        for each in context.view_layer.objects:
-            each.select_set(each in selected)
-        context.view_layer.objects.active = active
+        select(context.view_layer, selected, active)
         return {"CANCELLED"} if failed else {"FINISHED"}
 
 

@@ -3,7 +3,7 @@
 
 import bpy
 
-from .material import own
+from .material import own, principled
 from .messages import REMAKE, ShotError, printable
 from .shot import SheetOutput
 
@@ -61,7 +61,7 @@ def cloth() -> bpy.types.Material:
     if not is_new:
         return material
     material.diffuse_color = COLOUR
-    shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+    shader = principled(material)
     shader.inputs["Base Color"].default_value = COLOUR
     shader.inputs["Roughness"].default_value = ROUGHNESS
     shader.inputs["Sheen Weight"].default_value = SHEEN

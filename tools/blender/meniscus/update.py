@@ -40,7 +40,7 @@ class Target:
         """Links a new result into the scene, or gives its data to the earlier one, which keeps what the artist did to it."""
         before = self.existing(key)
         self.stamp(made, key)
-        has_plain_modifiers = all(each.type in ("MESH_CACHE", "VOLUME_TO_MESH") for each in made.modifiers)
+        has_plain_modifiers = all(each.type in ("MESH_CACHE", "VOLUME_TO_MESH") or nodes.is_of_level_set(each) for each in made.modifiers)
         made.scale = [part / self.scale for part in made.scale]
         if before is not None and before.type == made.type and made.data is not None and has_plain_modifiers:
             take_over(before, made)
@@ -80,7 +80,7 @@ class Target:
         volume, *surface = volumes.add_volume(context, output, folder, present, lambda: outputs.liquid(viscosity))
         volume = self.adopt(volume, outputs.key_of(output))
         for made in surface:
-            made.modifiers[0].object = volume
+            volumes.show_level_set(made, volume)
         return [volume, *(self.adopt(made, outputs.key_of(output, surface=True)) for made in surface)]
 
 
@@ -108,6 +108,9 @@ def take_over(before: bpy.types.Object, made: bpy.types.Object) -> None:
             if not one.is_readonly and is_value and one.identifier != "name":
                 value = getattr(each, one.identifier)
                 setattr(own, one.identifier, tuple(value) if getattr(one, "is_array", False) else value)
+        if nodes.is_of_level_set(each):
+            own.node_group = each.node_group
+            nodes.set_inputs(own, {"Volume": nodes.get_input(each, "Volume")})
     for name, value in made.items():
         if isinstance(value, (str, int, float)):
             before[name] = value

@@ -6,11 +6,14 @@ the grid holds the file's metres a second unchanged.
 """
 
 import math
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterable
 
 import bpy
 
+from . import nodes
 from .material import own
+from .messages import printable
 from .shot import FOG, LEVEL_SET, MAX_SCENE_FRAME, WHITEWATER, VolumeOutput, below
 
 NAME = "Smoke"
@@ -51,7 +54,7 @@ def add_volume(
         made.name = f"{output.name}{HIDDEN_SUFFIX}"
         made.hide_render = made.hide_viewport = True
     if output.has_surface:
-        return [made, level_set(made, output.name, liquid())]
+        return [made, level_set(made, output, liquid())]
     if FOG in output.grids:
         volume.materials.append(smoke(size(context, output.name, paths)))
     elif not output.has_surface and set(WHITEWATER) & set(output.grids):
@@ -59,14 +62,50 @@ def add_volume(
     return [made]
 
 
-def level_set(volume: bpy.types.Object, name: str, material: bpy.types.Material) -> bpy.types.Object:
-    """A new object with the surface at which a volume's level set is zero."""
-    made = bpy.data.objects.new(name, bpy.data.meshes.new(name))
+def level_set(volume: bpy.types.Object, output: VolumeOutput, material: bpy.types.Material) -> bpy.types.Object:
+    """A new object with the surface at which a volume's level set is zero, and with the volume's velocities."""
+    made = bpy.data.objects.new(output.name, bpy.data.meshes.new(output.name))
     made.data.materials.append(material)
     modifier = made.modifiers.new("Meniscus Level Set", "VOLUME_TO_MESH")
     modifier.object, modifier.grid_name = volume, LEVEL_SET
     modifier.threshold, modifier.use_smooth_shade = 0.0, True
+    if output.has_velocity:
+        made.modifiers.new(nodes.LEVEL_SET_NAME, "NODES").node_group = nodes.level_set_group()
+    show_level_set(made, volume)
     return made
+
+
+def show_level_set(made: bpy.types.Object, volume: bpy.types.Object) -> None:
+    """Makes the surface of a level set that of a volume."""
+    for modifier in made.modifiers:
+        if modifier.type == "VOLUME_TO_MESH":
+            modifier.object = volume
+        elif nodes.is_of_level_set(modifier):
+            nodes.set_inputs(modifier, {"Volume": volume})
+
+
+# Modification times [ns] of the files that volumes of this Blender were given, by their absolute paths.
+times: dict[str, int] = {}
+
+
+def rewritten(output: VolumeOutput, folder: str, frames: Iterable[int]) -> str | None:
+    """A message if files of some frames were rewritten since a volume of this Blender was given them; None if none was.
+
+    Blender keeps what it has read of a volume, by its path, until it is closed: whatever object shows it, it is the earlier one.
+    """
+    is_rewritten = False
+    for frame in frames:
+        path = bpy.path.abspath(below(folder, output.path(frame)))
+        try:
+            time = os.stat(path).st_mtime_ns
+        except OSError:
+            # It was checked before, and is gone again.
+            continue
+        is_rewritten |= times.setdefault(path, time) != time
+    if not is_rewritten:
+        return None
+    text = "its files were rewritten, and Blender keeps what it has read of volumes until it is closed"
+    return f"{printable(output.name)}: {text}. Frames that were shown before look as before. Save, and open the file in a new Blender"
 
 
 def size(context: bpy.types.Context, name: str, paths: list[str]) -> float:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """Tests of results that arrive while a job runs, for the stage of logs.py: without the engine, from files that are made up."""
 
+import os
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -50,6 +51,18 @@ def check_late_smoke(folder: Path) -> None:
     shown = next((each for each in scene.objects if each.get("meniscus_output") == "volume:smoke"), None)
     check(made == [[first]] and shown is not None and shown.data.frame_duration == count, "it is shown from its first smoke on", made)
     check(arrived.text() == "Shown to frame: Smoke 12", "the panel lists it", arrived.text())
+    check(not job.messages, "new files of smoke need no remark", job.messages)
+    for file in (job.shot / "volume").iterdir():
+        os.utime(file, ns=(0, 0))
+    module.check_vdb, module.volumes.extent, module.volumes.add_volume = (lambda _files, _path: None), extent, add_volume
+    try:
+        again = module.Arrivals(job, list(range(1, count + 1)))
+        for job.count in (first, count):
+            again.update(bpy.context, scene, job)
+    finally:
+        module.check_vdb, module.volumes.extent, module.volumes.add_volume = before
+    found = [text for text in job.messages if "rewritten" in text and "new Blender" in text]
+    check(len(found) == len(job.messages) == 1, "files that a second simulation rewrites are reported once", job.messages)
 
 
 def check_renamed_result(folder: Path) -> None:
@@ -65,7 +78,7 @@ def check_renamed_result(folder: Path) -> None:
     try:
         arrived.scene = scene.session_uid
         for frame in (1, 2):
-            arrived.shapes(bpy.context, scene, None, None, [("sheet:Cloth", frame)])
+            arrived.shapes(bpy.context, scene, None, None, {"sheet:Cloth": frame})
             shown.name = "Sail"
     finally:
         module.show.show_shapes = before

@@ -135,7 +135,13 @@ def check_whitewater(path: Path, foam: bpy.types.Object) -> None:
     sizes = [each.matrix_world.to_scale()[0] for each in graph.object_instances if each.is_instance and each.parent and each.parent.name == foam.name]
     check(len(sizes) == count, "as instances there is an object at every point", (len(sizes), count))
     check(len(sizes) == count and np.allclose(sorted(sizes), np.sort(radii), rtol=1e-4), "scaled by the radius")
-    nodes.set_inputs(foam.modifiers[0], {"Instances": False, "Instance": None})
+    nodes.set_inputs(foam.modifiers[0], {"Blur Instances": True})
+    foam.update_tag()
+    mesh, corners = evaluated(foam), len(drop.data.vertices)
+    check(len(mesh.vertices) == count * corners, "for motion blur they are one mesh", (len(mesh.vertices), count, corners))
+    wanted = np.repeat(columns(scattered, "vx vy vz"), corners, axis=0)
+    check(len(mesh.vertices) == len(wanted) and np.array_equal(vectors(mesh, "velocity"), wanted), "whose vertices have the velocities of their points")
+    nodes.set_inputs(foam.modifiers[0], {"Instances": False, "Instance": None, "Blur Instances": False})
     bpy.data.objects.remove(drop)
     foam.update_tag()
 
@@ -278,6 +284,13 @@ def stage_forms(folder: Path) -> None:
     filled, of_mesh = (volume(*each) for each in ((places, corners.reshape(-1, 3)), (wanted, triangles)))
     check(abs(filled - of_mesh) < 0.05 * of_mesh, "level set: it encloses as much, and faces outwards", (filled, of_mesh))
     check([each.name for each in mesh.materials] == ["Water"], "level set: its material is Water")
+    check_level_set_velocities(mesh, table)
+    before = vectors(mesh, "velocity")
+    surface.name = "Sea"
+    check(bpy.ops.import_scene.meniscus_reload() == {"FINISHED"}, "level set: it is reloaded")
+    again = at_frame(surface, FRAME)
+    is_same = surface.name == "Sea" and len(surface.modifiers) == 2
+    check(is_same and np.array_equal(vectors(again, "velocity"), before), "level set: its object stays, with its velocities", list(surface.modifiers))
 
     change(two / "shot.json", lambda data: outputs(data, ("mesh", "ply")))
     sheet = imported(two)
@@ -291,6 +304,16 @@ def stage_forms(folder: Path) -> None:
         (thick.parent / "preset.toml").write_text(f"[liquid.viscosity]\ndynamic = {text}\n", encoding="utf-8")
         found = [each.name for each in imported(thick.parent).data.materials]
         check(found == [wanted_name], f"a liquid of {text} Pa·s is {wanted_name}", found)
+
+
+def check_level_set_velocities(mesh: bpy.types.Mesh, table: dict[str, np.ndarray]) -> None:
+    """The surface of a level set has the velocities of the volume, which are near those of the mesh."""
+    found, wanted = vectors(mesh, "velocity"), columns(table, "vx vy vz")
+    places, own = vectors(mesh, "position")[::50], columns(table, "x y z")
+    nearest = [int(np.argmin(((own - place) ** 2).sum(1))) for place in places]
+    errors = np.linalg.norm(found[::50] - wanted[nearest], axis=1)
+    speed = float(np.linalg.norm(wanted, axis=1).mean())
+    check(float(np.median(errors)) < 0.15 * speed, "level set: it has the velocities of the liquid", (float(np.median(errors)), speed))
 
 
 def volume(points: np.ndarray, triangles: np.ndarray) -> float:
@@ -361,6 +384,90 @@ def stage_reload(folder: Path) -> None:
         check(False, "a shot that is gone is refused")
     except RuntimeError as error:
         check("shot.json" in str(error), "a shot that is gone is refused", error)
+
+
+def stage_clouds(folder: Path) -> None:
+    """Mist, tracers, and volumes that are written again under the same names: of the shots of the stages before."""
+    use_addon()
+    scene, clouds = bpy.context.scene, folder / "clouds"
+    run_engine("whitewater", folder / "one", "-o", clouds / "mist", "--set", 'whitewater.files=["vdb"]', "--progress", "none")
+    mist = imported(clouds / "mist")
+    check(mist.type == "VOLUME" and not mist.hide_render, "mist is a volume", mist.type)
+    material = mist.data.materials[0]
+    grids = {node.attribute_name for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeAttribute"}
+    check(material.name == "Mist" and grids == {"spray", "foam", "bubbles"}, "its material is as dense as the sum of its grids", (material.name, grids))
+    scene.frame_set(FRAME)
+    loaded = evaluated(mist).grids
+    check(loaded.load() and {each.name for each in loaded} == grids, "its file has them", [each.name for each in loaded])
+    run_engine("whitewater", folder / "one", "-o", clouds / "both", "--set", 'whitewater.files=["vdb", "ply"]', "--progress", "none")
+    imported(clouds / "both")
+    hidden = scene.objects["whitewater_volume"]
+    check(hidden.type == "VOLUME" and hidden.hide_render and hidden.hide_viewport, "mist is hidden where points show the same")
+    check_tracers(folder, clouds)
+    check_rewritten(folder, clouds)
+
+
+def run_engine(*arguments: object) -> None:
+    run = subprocess.run([os.environ["MENISCUS"], *map(str, arguments)], capture_output=True, text=True)
+    check(run.returncode == 0, f"the engine makes {arguments[0]}", run.stderr[-1000:])
+
+
+def check_tracers(folder: Path, clouds: Path) -> None:
+    """Tracers of smoke are points with their radius and velocity; hidden where a volume shows the same."""
+    run_engine("export", folder / "two", "-o", clouds / "tracers", "--progress", "none")
+    change(clouds / "tracers/shot.json", lambda data: outputs(data, ("points", "ply")))
+    shown = imported(clouds / "tracers")
+    table = read_points(clouds / f"tracers/points/smoke_{FRAME:04}.ply")
+    bpy.context.scene.frame_set(FRAME)
+    points = cloud(shown)
+    check(len(table["x"]) > 0 and np.array_equal(points["radius"], table["radius"]), "tracers have the radius of their file", len(points["radius"]))
+    check(np.array_equal(points["velocity"], columns(table, "vx vy vz")), "and its velocities")
+    check([each.name for each in shown.data.materials] == ["Tracers"] and not shown.hide_render, "their material is Tracers", list(shown.data.materials))
+    for part in ("points", "volume"):
+        source = clouds / "tracers" if part == "points" else folder / "two"
+        shutil.copytree(source / part, clouds / "smoke" / part)
+    data = json.loads((folder / "two/shot.json").read_text(encoding="utf-8"))
+    data["outputs"] = [each for each in data["outputs"] if each["kind"] == "volume"]
+    data["outputs"] += json.loads((clouds / "tracers/shot.json").read_text(encoding="utf-8"))["outputs"]
+    (clouds / "smoke/shot.json").write_text(json.dumps(data), encoding="utf-8")
+    before = set(bpy.context.scene.objects)
+    imported(clouds / "smoke")
+    made = {each.type: each for each in set(bpy.context.scene.objects) - before}
+    check(made["MESH"].hide_render and not made["VOLUME"].hide_render, "tracers are hidden where a volume shows the same")
+
+
+def check_rewritten(folder: Path, clouds: Path) -> None:
+    """A sequence of volumes that grew keeps its object at a reload; files that were rewritten are reported, since Blender keeps what it read."""
+    shot = clouds / "grown"
+    shutil.copytree(folder / "two/volume", shot / "volume")
+    full = json.loads((folder / "two/shot.json").read_text(encoding="utf-8"))
+    outputs(full, ("volume", "vdb"))
+
+    def until(last: int) -> None:
+        data = json.loads(json.dumps(full))
+        for each in (data, *data["outputs"]):
+            each["frames"]["last"] = last
+        (shot / "shot.json").write_text(json.dumps(data), encoding="utf-8")
+
+    until(2)
+    scene = bpy.context.scene
+    smoke = imported(shot)
+    smoke.name, smoke.location.x = "Fog", 0.5
+    own = bpy.data.materials.new("Own")
+    smoke.data.materials[0] = own
+    until(FRAME)
+    check(bpy.ops.import_scene.meniscus_reload() == {"FINISHED"}, "volumes are reloaded")
+    scene.frame_set(FRAME)
+    name = Path(evaluated(smoke).grids.frame_filepath).name
+    check(smoke.name == "Fog" and smoke.data.frame_duration == FRAME and name == f"smoke_{FRAME:04}.vdb", "the same object shows the new frames", name)
+    check(smoke.data.materials[0] == own and smoke.data.velocity_grid == "velocity", "with its own material, and velocities", smoke.data.velocity_grid)
+    volumes = harness_module("volumes")
+    output = next(iter(harness_module("shot").read_shot(shot).volumes))
+    check(volumes.rewritten(output, str(shot), range(1, FRAME + 1)) is None, "files that stayed are not reported")
+    shutil.copyfile(shot / "volume/smoke_0003.vdb", shot / "volume/smoke_0002.vdb")
+    check(volumes.rewritten(output, str(shot), range(1, FRAME + 1)) is not None, "a file that was rewritten is found")
+    bpy.ops.import_scene.meniscus_reload()
+    expect("smoke: its files were rewritten, and Blender keeps what it has read of volumes until it is closed")
 
 
 if __name__ == "__main__":

@@ -9,13 +9,14 @@ from types import SimpleNamespace
 
 import bpy
 import numpy as np
-from mathutils import Matrix, Quaternion
+from mathutils import Euler, Matrix, Quaternion, Vector
 
 import harness
 import ply
 from harness import check
-from presets import add, fresh, noted, posed, refused, write, world_points
+from presets import add, fresh, noted, points, posed, refused, write, world_points
 from scenes import empty, scene_module
+from volumes import load_openvdb
 
 MIRRORS = [(-1.0, 1.0, 1.0), (1.0, -1.0, 1.0), (1.0, 1.0, -1.0), (-1.0, -1.0, -1.0)]
 TURN = (0.3, 0.5, 0.2)
@@ -302,6 +303,120 @@ def check_left_out(folder: Path) -> None:
     check(cached == [f"assets/{bent.name}.ply"], "a mesh whose parent bends it is sampled in every frame", meshes)
 
 
+def check_cloud(folder: Path) -> None:
+    """Smoke fills an object when the shot starts, with its settings; its animation is reported."""
+    scene = empty(folder)
+    scene.frame_end, scene.unit_settings.scale_length = 2, 0.5
+    made = add("cloud", scale=(1.0, 1.0, 2.0), rotation_euler=TURN, location=(1.0, 2.0, 3.0))
+    made.meniscus.cloud.density = 0.5
+    made.keyframe_insert("location", frame=1)
+    made.location.x = 4.0
+    made.keyframe_insert("location", frame=2)
+    data, notes = write(scene)
+    noted(notes, "Smoke Cloud", "animation is left out")
+    found = data["smoke"]["source"][0]
+    check((found["density"], found["temperature"]) == (0.5, 180), "smoke at the start has its settings", found)
+    bpy.ops.meniscus.simulate(wait=True)
+    grid = load_openvdb().read(str(folder / "meniscus" / "draft" / "volume" / "smoke_0001.vdb"), "density")
+    low, high = grid.evalActiveVoxelBoundingBox()
+    values = np.zeros([most - least + 1 for least, most in zip(low, high)])
+    grid.copyToArray(values, ijk=low)
+    places = np.indices(values.shape).reshape(3, -1).T * grid.transform.voxelSize()[0] + np.array(grid.transform.indexToWorld(low))
+    weights = values.ravel()
+    mean = np.average(places, axis=0, weights=weights)
+    check(np.abs(mean - (0.5, 1.0, 1.5)).max() < 0.02, "the smoke is at the place of its object in the first frame [m]", mean)
+    # Along its Z axis the ellipsoid is twice as long.
+    along = ((places - mean) @ np.array(Euler(TURN).to_matrix()))
+    spread = np.average(along**2, axis=0, weights=weights) ** 0.5
+    check(1.7 < spread[2] / spread[0] < 2.2, "it has the shape of its object", spread)
+    full = float(np.median(values[values > 0.5 * values.max()]))
+    check(0.4 < full < 0.6, "it has its density", full)
+
+
+def check_pivot(folder: Path) -> None:
+    """What turns at constant speed about a distant point is written about that point, with a keyframe for each 2.5 rad."""
+    for name, drift in (("that rests", 0.0), ("that moves", 2.0)):
+        scene = fresh(folder / name)
+        scene.frame_end = 121
+        pivot = bpy.data.objects.new("Pivot", None)
+        scene.collection.objects.link(pivot)
+        for frame, angle in ((1, 0.0), (121, 12.0)):
+            pivot.rotation_euler, pivot.location = (0.3, 0.2, angle), (1.0 + drift * angle / 12.0, 2.0, 0.5)
+            pivot.keyframe_insert("rotation_euler", frame=frame)
+            pivot.keyframe_insert("location", frame=frame)
+        for curve in pivot.animation_data.action.layers[0].strips[0].channelbags[0].fcurves:
+            for point in curve.keyframe_points:
+                point.interpolation = "LINEAR"
+        mesh, box, force = add("collider"), add("outflow"), add("force")
+        force.meniscus.kind, force.meniscus.shape = "point", "SPHERE"
+        for index, each in enumerate((mesh, box, force)):
+            each.parent, each.location, each.rotation_euler = pivot, (3.0 - index, 0.5, 0.2), TURN
+        data, _ = write(scene, name)
+        entries = {"mesh": data["world"]["collider"][0], "box": data["liquid"]["outflow"][0], "force": data["force"][0]}
+        corners = np.array(list(entries["box"]["shape"]["box"].values()))
+        shown = {
+            "mesh": (points(folder / name / "meniscus" / entries["mesh"]["shape"]["mesh"]["file"])[::17], lambda frame: world_points(mesh, frame)[::17]),
+            "box": (corners, lambda frame: ends(box, frame)),
+            "force": (np.array([entries["force"]["kind"]["point"]["center"], entries["force"]["shape"]["sphere"]["center"]]), lambda frame: origins(force, frame)),
+        }
+        for kind, (own, wanted) in shown.items():
+            keys = entries[kind]["keyframes"]
+            worst = max(np.abs(posed(own, keys, frame) - wanted(frame)).max() for frame in range(1, 122))
+            print(f"A {kind} about a pivot {name}: {len(keys)} keyframes of 121 frames, at most {worst:.1e} m off")
+            check(len(keys) <= 7, f"a {kind} that turns by 12 rad about a pivot {name} has few keyframes", len(keys))
+            check(worst < 2e-5, f"a {kind} that turns about a pivot {name} is where Blender has it in every frame [m]", worst)
+
+
+def check_far_pivot() -> None:
+    """About a pivot that is too far for single precision nothing is written."""
+    poses = scene_module("poses")
+    frames = list(range(1, 122))
+    for radius, angle, is_pivot in ((1000.0, 0.01, False), (1000.0, 3.0, True), (18.0, 0.05, False), (3.0, 1.0, True)):
+        rotations = [Quaternion((0.0, 0.0, 1.0), angle * index / 120.0) for index in range(121)]
+        found = [poses.Pose(tuple(radius * part for part in rotation @ Vector((1.0, 0.0, 0.0))), tuple(rotation), 1.0) for rotation in rotations]
+        pivot, _, chosen = poses.pivoted(frames, found)
+        is_right = np.allclose(pivot, (-radius, 0.0, 0.0), atol=1e-3 * radius) if is_pivot else not np.any(pivot)
+        check(is_right, f"a turn of {angle} rad at {radius:g} m {'has its pivot' if is_pivot else 'keeps its origin'}", (pivot, len(chosen)))
+
+
+def ends(box: bpy.types.Object, frame: int) -> np.ndarray:
+    """The lowest and the highest corner of a box, in its axes, in the world."""
+    bpy.context.scene.frame_set(frame)
+    corners = np.array([corner[:] for corner in box.bound_box])
+    return np.array([box.matrix_world @ Vector(corner) for corner in (corners.min(0), corners.max(0))])
+
+
+def origins(each: bpy.types.Object, frame: int) -> np.ndarray:
+    bpy.context.scene.frame_set(frame)
+    return np.array([each.matrix_world.to_translation()] * 2)
+
+
+def check_narrow(folder: Path) -> None:
+    """A tap in a scene whose spacing fits a pool is noted with the spacing that fits it, when it is added and when it is written; so is the reverse."""
+    scene = empty(folder)
+    scene.unit_settings.scale_length = 0.5
+    add("pool")
+    add("inflow")
+    _, notes = write(scene, accepted=False)
+    check(not any("opening" in note for note in notes), "an inflow next to a pool is wide enough", notes)
+    add("tap")
+    check(abs(scene.meniscus.liquid.spacing - 0.06) < 1e-6, "the spacing stays that of the pool", scene.meniscus.liquid.spacing)
+    harness.expect("Tap: its opening of 0.012 m is 0.4 times as wide as the spacing of the liquid, 0.03 m")
+    _, notes = write(scene, accepted=False)
+    noted(notes, "Tap: its opening", "A Spacing of 0.0015 m fits it", "enlarge the opening to 0.24 m")
+    scene.meniscus.liquid.spacing = 0.003
+    _, notes = write(scene, accepted=False)
+    check(not any("opening" in note for note in notes), "with that spacing there is no note", notes)
+    scene = empty(folder / "tap first")
+    add("tap")
+    harness.expect("Pool: it has up to 178 million particles at the spacing of the liquid, 0.0015 m")
+    add("pool")
+    check(abs(scene.meniscus.liquid.spacing - 0.0015) < 1e-7, "of a tap that is first the spacing fits the tap", scene.meniscus.liquid.spacing)
+    _, notes = write(scene, accepted=False)
+    noted(notes, "Pool: it has up to 178 million particles", "A Spacing of 0.0084 m gives a million", "scale the object by 0.18")
+    check(not any("opening" in note for note in notes), "the tap fits", notes)
+
+
 def stage_placing(folder: Path) -> None:
     check_pins(folder / "pins")
     check_mirrored(folder / "mirrored")
@@ -313,6 +428,10 @@ def stage_placing(folder: Path) -> None:
     check_turned(folder / "turned")
     check_left_out(folder / "left out")
     check_sources(folder / "sources")
+    check_cloud(folder / "cloud")
+    check_pivot(folder / "pivot")
+    check_far_pivot()
+    check_narrow(folder / "narrow")
 
 
 if __name__ == "__main__":

@@ -309,8 +309,8 @@ def check_settings(folder: Path) -> None:
 def check_kinds(folder: Path) -> None:
     """Every entry of the menu makes a scene that the engine accepts."""
     kinds = list(scene_module("add").KINDS)
-    check(len(kinds) == 16, "the menu has sixteen entries", kinds)
-    smokes = {"smoke", "ring", "tube", "turbulence"}
+    check(len(kinds) == 17, "the menu has seventeen entries", kinds)
+    smokes = {"smoke", "cloud", "ring", "tube", "turbulence"}
     for chosen in ({"body"}, {"cloth", *smokes}):
         scene = fresh(folder / "-".join(sorted(chosen)))
         for kind in (kind for kind in kinds if kind not in ({"body", "cloth", *smokes} - chosen)):
@@ -321,7 +321,7 @@ def check_kinds(folder: Path) -> None:
         data, _ = write(scene, f"all kinds with {' and '.join(sorted(chosen))}")
         check("whitewater" in data, "whitewater has its table")
         if "cloth" in chosen:
-            check({"emitter", "ring", "tube", "turbulence"} < data["smoke"].keys(), "smoke has all of its tables", list(data["smoke"]))
+            check({"emitter", "source", "ring", "tube", "turbulence"} < data["smoke"].keys(), "smoke has all of its tables", list(data["smoke"]))
             for kind in ("cloth", "smoke"):
                 second = add(kind)
                 second.location.x = 3.0

@@ -15,6 +15,7 @@ from mathutils import Quaternion
 import harness
 import ply
 from harness import check
+from kinds import cloud, read_points
 from presets import add
 from scenes import empty, scene_module, sequence_input, wait, water
 
@@ -50,8 +51,7 @@ def stage_bodies(folder: Path) -> None:
         made.rotation_euler, made.scale = (0.1 * index, 0.3, 0.0), (1.0, 1.0 + 0.2 * index, 1.0)
         made.data.materials.append(bpy.data.materials.new(f"Paint {name}"))
         made.meniscus.body.density = 500.0
-    tank = bpy.data.objects["Tank"]
-    tank.meniscus.collider.use_look, tank.meniscus.collider.look = True, "glass"
+    glass_tank()
     start = {name: evaluated_points(bpy.data.objects[name], 1) for name in names}
     bpy.ops.meniscus.simulate()
     job, _ = wait(scene)
@@ -176,7 +176,7 @@ def arrivals(scene: bpy.types.Scene, until) -> list[str]:
 
 
 def stage_arrivals(folder: Path) -> None:
-    """Smoke, cloth, bodies and whitewater are shown while they are simulated, and the panel lists them."""
+    """Smoke, cloth, bodies, whitewater, mist, droplets and tanks are shown while they are simulated, and the panel lists them."""
     scene = empty(folder / "smoke and cloth")
     scene.frame_end = 2000
     cloth = add("cloth")
@@ -202,12 +202,14 @@ def stage_arrivals(folder: Path) -> None:
     check(shown.data.materials[0].name == "Silk" and cloth.hide_get() and scene.frame_current == 1999, "cloth arrives as the artist's own mesh", scene.frame_current)
     check(any("Smoke" in line and "Cloth" in line for line in lines), "the panel lists smoke and cloth", lines)
     check_bodies_arrive(folder / "bodies and whitewater")
+    check_droplets_arrive(folder / "droplets and tanks")
 
 
 def check_bodies_arrive(folder: Path) -> None:
     scene = empty(folder)
     for kind in ("tank", "pool", "body"):
         add(kind)
+    glass_tank()
     scene.meniscus.liquid.spacing, scene.frame_end, scene.meniscus.use_whitewater = 0.03, 2000, True
     seen = []
 
@@ -222,7 +224,47 @@ def check_bodies_arrive(folder: Path) -> None:
     check(len(seen) > 1 and len(bpy.data.actions) == 1, "a body has more keyframes at each look, and one action", (seen[-2:], len(bpy.data.actions)))
     text = lines[-1] if lines else ""
     check(all(name in text for name in ("Surface", "Body", "Whitewater")), "the panel lists surface, bodies and whitewater", lines)
-    check(len([each for each in scene.objects if each.get("meniscus_output")]) == 3, "each has one object", [each.name for each in scene.objects])
+    check(result(scene, "tank:tank") is not None, "a tank of glass at rest is shown")
+    check(len([each for each in scene.objects if each.get("meniscus_output")]) == 4, "each has one object", [each.name for each in scene.objects])
+
+
+def glass_tank() -> bpy.types.Object:
+    tank = bpy.data.objects["Tank"]
+    tank.meniscus.collider.use_look, tank.meniscus.collider.look = True, "glass"
+    return tank
+
+
+def check_droplets_arrive(folder: Path) -> None:
+    scene = empty(folder)
+    for kind in ("tank", "drop"):
+        add(kind)
+    tank = glass_tank()
+    for frame, place in ((1, 0.0), (20, 0.1)):
+        tank.location.x = place
+        tank.keyframe_insert("location", frame=frame)
+    scene.meniscus.liquid.spacing, scene.frame_end = 0.05, 2000
+    components = scene.meniscus.surface
+    scene.meniscus.use_whitewater, scene.meniscus.whitewater.use_files, scene.meniscus.whitewater.files = True, True, {"vdb"}
+    # All of the drop are droplets.
+    components.use_components, components.components.smallest = True, 1e6
+    seen = []
+
+    def arrived() -> bool:
+        drops, walls = result(scene, "points:liquid_points"), result(scene, "tank:tank")
+        mist = result(scene, "volume:whitewater")
+        if mist is None or drops is None or walls is None or walls.animation_data is None or walls.animation_data.action is None:
+            return False
+        seen.append((sequence_input(drops, "Last"), mist.data.frame_duration))
+        return all(last > first for first, last in zip(seen[0], seen[-1])) and walls.animation_data.action.frame_range[1] > 10
+
+    lines = arrivals(scene, arrived)
+    check(len(seen) > 1, "droplets and mist have more frames at each look", seen[-2:])
+    text = lines[-1] if lines else ""
+    check("Droplets" in text and "Mist" in text and "tank" not in text, "the panel lists them, but no tank", lines)
+    scene.frame_set(2)
+    drops = cloud(result(scene, "points:liquid_points"))
+    table = read_points(folder / "meniscus" / "draft" / "mesh" / "liquid_points_0002.ply")
+    check(len(table["x"]) > 0 and np.array_equal(drops["radius"], table["radius"]), "droplets are those of their file", len(drops["radius"]))
 
 
 class Recorder:
@@ -289,7 +331,7 @@ def stage_panels(folder: Path) -> None:
     """Every panel and menu draws, for every role and kind of force."""
     scene = empty(folder)
     panels, add_module = scene_module("panels"), scene_module("add")
-    check(len(drawn(add_module.MENISCUS_MT_add)) == 16, "the menu draws its sixteen entries")
+    check(len(drawn(add_module.MENISCUS_MT_add)) == 17, "the menu draws its seventeen entries")
     for kind in add_module.KINDS:
         add(kind)
         found = drawn(panels.MENISCUS_PT_object)
@@ -310,7 +352,7 @@ def stage_panels(folder: Path) -> None:
     found = drawn(panels.MENISCUS_PT_scene)
     check("meniscus.simulate" in found and "meniscus.pause" not in found, "without a job there is Simulate", found)
     scene.meniscus.liquid.spacing = 0.2
-    for name in ("Body", "Cloth", "Smoke", "Smoke Ring", "Vortex Tube", "Turbulence", "Force", "Tap", "Glass"):
+    for name in ("Body", "Cloth", "Smoke", "Smoke Cloud", "Smoke Ring", "Vortex Tube", "Turbulence", "Force", "Tap", "Glass"):
         bpy.data.objects.remove(bpy.data.objects[name])
     scene.frame_end = 40
     bpy.ops.meniscus.simulate()

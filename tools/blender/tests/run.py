@@ -142,6 +142,7 @@ def check_kinds(tally: Tally, work: Path, user: Path, bare: Path) -> None:
         kinds = work / f"kinds of {name}"
         tally.stage(f"{name}_moved", [kinds], bare, "kinds.py")
     tally.stage("forms", [kinds], user, "kinds.py")
+    tally.stage("clouds", [kinds], user, "kinds.py")
 
 
 def main() -> int:

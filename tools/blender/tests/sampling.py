@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Tests of how frames are sampled, inside Blender: a few a tick, Esc, progress, no frame of a scene at rest; and of objects that are renamed.
+"""Tests of how presets are written over time, inside Blender: a few steps a tick, Esc, progress, no frame of a scene at rest.
 
 run.py starts each stage in a process of its own. There is no window, so events are made up.
 """
 
+import os
+import time
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,6 +15,7 @@ import harness
 from harness import check
 from presets import add, fresh
 from results import drawn
+from logs import full
 from scenes import scene_module, wait
 
 LAST = 40
@@ -106,8 +109,6 @@ def family(pool: bpy.types.Object, other: bpy.types.Object) -> None:
         bpy.context.collection.objects.link(each)
     each.parent = other
     bpy.data.objects["Ball"].meniscus.role = "COLLIDER"
-    # A new object is visible after that.
-    bpy.context.view_layer.update()
 
 
 def drive(pool: bpy.types.Object, other: bpy.types.Object) -> None:
@@ -156,6 +157,14 @@ def moving_pool(folder: Path) -> bpy.types.Scene:
     return scene
 
 
+def waving_pool(folder: Path) -> bpy.types.Scene:
+    """The same with a collider that deforms, whose point cache has a part for each frame."""
+    scene = moving_pool(folder)
+    wave = bpy.data.objects["Collider"].modifiers.new("Wave", "WAVE")
+    wave.height, wave.width = 0.1, 0.5
+    return scene
+
+
 def state(scene: bpy.types.Scene) -> tuple:
     """What sampling changes for a while."""
     return scene.frame_current, scene.frame_subframe, bpy.data.objects["Collider"].hide_get()
@@ -163,10 +172,10 @@ def state(scene: bpy.types.Scene) -> tuple:
 
 def check_modal(folder: Path) -> None:
     """A button samples a frame a tick, shows how far it is, and leaves the scene as it was."""
-    scene, context = moving_pool(folder), bpy.context
+    scene, context = waving_pool(folder), bpy.context
     operators, panels = scene_module("operators"), scene_module("panels")
     path, before = folder / "meniscus" / "scene.toml", state(scene)
-    pressed, ticks, texts = button(operators.MENISCUS_OT_write), 1, []
+    pressed, ticks, texts, files = button(operators.MENISCUS_OT_write), 1, [], set()
     with Sampled() as frames:
         answer = pressed.invoke(context, event("LEFTMOUSE"))
         check(answer == {"RUNNING_MODAL"} and len(set(frames)) == 1, "a button that writes the preset is modal after its first frame", (answer, frames))
@@ -174,13 +183,19 @@ def check_modal(folder: Path) -> None:
         check(not works, "no second button works meanwhile", works)
         check(pressed.modal(context, event("MOUSEMOVE")) == {"RUNNING_MODAL"} and len(set(frames)) == 1, "other events sample nothing, and change nothing")
         check(not path.exists(), "no preset is written yet")
+        # As an animation does that another window plays.
+        scene.frame_set(LAST)
         while answer == {"RUNNING_MODAL"} and ticks < 10 * LAST:
             texts += drawn(panels.MENISCUS_PT_sidebar)
+            files |= {each.name for each in (folder / "meniscus").rglob("*") if each.is_file() and not each.name.startswith(".")}
             answer = pressed.modal(context, event("TIMER"))
             ticks += 1
     check(answer == {"FINISHED"} and path.is_file(), "the preset is written after the last frame", (answer, pressed.reports))
+    check(not files, "its files appear in the last tick, all at once", files)
+    counts = [len({text for text in texts if label in text}) for label in ("Composing", "Writing files")]
+    check(counts[0] == 2 and counts[1] >= LAST, "a tick composes one object, or writes one part of a file", counts)
     check(ticks >= LAST and sorted(set(frames)) == list(range(1, LAST + 1)), "a tick samples one frame of a heavy scene", (ticks, len(set(frames))))
-    shown = [text for text in texts if "Sampling" in text]
+    shown = [text for text in texts if "%" in text]
     check(len(set(shown)) > LAST // 2 and all("Esc" in text for text in shown), "the panel shows the progress, and that Esc cancels", shown[:3])
     check(state(scene) == before, "frame and hidden objects are as before", (state(scene), before))
     written = path.read_bytes()
@@ -190,7 +205,7 @@ def check_modal(folder: Path) -> None:
 
 def check_cancelled(folder: Path) -> None:
     """Esc, an undo, changes of the scene, and an error in a frame end the sampling without a trace."""
-    for name in ("Esc", "undo", "a save", "a removed object", "a longer frame range", "another frame rate", "another unit scale", NOT_FINITE):
+    for name in ("Esc", "undo", "a save", "a removed object", *EDITS, NOT_FINITE):
         scene, context = moving_pool(folder / name), bpy.context
         before, path = state(scene), folder / name / "meniscus" / "scene.toml"
         pressed = button(scene_module("operators").MENISCUS_OT_write)
@@ -199,12 +214,39 @@ def check_cancelled(folder: Path) -> None:
         check(state(scene) != before, f"{name}: the scene is in another frame", state(scene))
         answer = interrupt(name, pressed)
         check(answer == {"CANCELLED"}, f"{name} cancels", answer)
-        is_reported = any(kind in ("WARNING", "ERROR") and "sampled" in text for kind, text in pressed.reports)
-        check(is_reported or name == NOT_FINITE, f"{name} is reported", pressed.reports)
+        texts = [text for kind, text in pressed.reports if kind in ("WARNING", "ERROR")]
+        expected = EDITS[name][1] if name in EDITS else ""
+        check(len(texts) == 1 and "sampled" in texts[0] and texts[0].startswith(expected), f"{name} is reported", pressed.reports)
         if name != "a removed object":
             check(state(scene) == before, f"{name}: frame and hidden objects are as before", (state(scene), before))
         check(scene.frame_current == 7 and not path.exists(), f"{name}: nothing is written", scene.frame_current)
         check(bpy.ops.meniscus.simulate.poll() and bpy.ops.meniscus.write.poll(), f"{name}: the buttons work again")
+
+
+def collider() -> bpy.types.Object:
+    return bpy.data.objects["Collider"]
+
+
+# What a second window can change, and how the message on it starts.
+EDITS = {
+    "a longer frame range": (lambda scene: setattr(scene, "frame_end", LAST + 10), "Scene: its frame end"),
+    "another frame rate": (lambda scene: setattr(scene.render, "fps", 25), "Scene: its fps"),
+    "another unit scale": (lambda scene: setattr(scene.unit_settings, "scale_length", 0.5), "Scene: its unit scale"),
+    "another quality": (lambda scene: setattr(scene.meniscus, "quality", "final"), "Scene: its quality"),
+    "another setting of the liquid": (lambda scene: setattr(scene.meniscus.liquid, "density", 900.0), "Scene: its liquid density"),
+    "another role": (lambda scene: setattr(collider().meniscus, "role", "FLUID"), "Collider: its role"),
+    "a role that is removed": (lambda scene: setattr(collider().meniscus, "role", "NONE"), "Collider: its role"),
+    "a new role": (lambda scene: new_role(scene), "Late: its role"),
+    "another setting of an object": (lambda scene: setattr(collider().meniscus.collider, "friction", 0.7), "Collider: its collider friction"),
+    "another place": (lambda scene: setattr(bpy.data.objects["Pool"], "location", (0.0, 0.0, 1.0)), "Pool: its place"),
+    "an object that is hidden": (lambda scene: bpy.data.objects["Pool"].hide_set(True), "Pool: its visibility"),
+}
+
+
+def new_role(scene: bpy.types.Scene) -> None:
+    late = bpy.data.objects.new("Late", None)
+    scene.collection.objects.link(late)
+    late.meniscus.role = "FORCE"
 
 
 def interrupt(name: str, pressed) -> set[str]:
@@ -218,16 +260,68 @@ def interrupt(name: str, pressed) -> set[str]:
         bpy.ops.wm.save_mainfile()
     elif name == "a removed object":
         bpy.data.objects.remove(bpy.data.objects["Pool"])
-    elif name == "a longer frame range":
-        bpy.context.scene.frame_end += 10
-    elif name == "another frame rate":
-        bpy.context.scene.render.fps += 1
-    elif name == "another unit scale":
-        bpy.context.scene.unit_settings.scale_length = 0.5
+    elif name in EDITS:
+        EDITS[name][0](bpy.context.scene)
     else:
         bpy.data.objects["Collider"].location.z = float("nan")
         bpy.data.objects["Collider"].animation_data_clear()
     return pressed.modal(bpy.context, event("TIMER"))
+
+
+def check_cancelled_late(folder: Path) -> None:
+    """Esc while tables are composed or files are written leaves the files of the earlier preset, and no others; so does an error."""
+    scene, context = waving_pool(folder), bpy.context
+    bpy.ops.meniscus.write()
+    bpy.data.objects["Collider"].modifiers["Wave"].height = 0.2
+    before, frame = contents(folder), state(scene)
+    for label in ("Composing", "Writing files"):
+        pressed = button(scene_module("operators").MENISCUS_OT_write)
+        pressed.invoke(context, event("LEFTMOUSE"))
+        while label not in pressed.sampling.text() and pressed.modal(context, event("TIMER")) == {"RUNNING_MODAL"}:
+            pass
+        for _ in range(LAST if label == "Writing files" else 1):
+            pressed.modal(context, event("TIMER"))
+        is_within = label in pressed.sampling.text() and pressed.sampling.is_open
+        check(is_within and pressed.modal(context, event("ESC")) == {"CANCELLED"}, f"{label}: Esc cancels", pressed.sampling.text())
+        check(contents(folder) == before and state(scene) == frame, f"{label}: the earlier preset and its meshes stay", sorted(contents(folder)))
+    assets = scene_module("assets")
+    replace, assets.sync = assets.sync, full
+    try:
+        bpy.ops.meniscus.write()
+    except RuntimeError as error:
+        check("cannot be written" in str(error), "a full disk is reported", error)
+    finally:
+        assets.sync = replace
+    check(contents(folder) == before, "and leaves the earlier preset and its meshes", sorted(contents(folder)))
+    for name, age in ((".Collider.pc2.1.tmp", 2 * 86400), (".Collider.ply.1.tmp", 60), ("..Mine.1.tmp", 2 * 86400)):
+        path = folder / "meniscus" / "assets" / name
+        path.write_bytes(b"part")
+        os.utime(path, (time.time() - age,) * 2)
+    bpy.ops.meniscus.write()
+    left = [each.name for each in (folder / "meniscus" / "assets").glob(".*.tmp")]
+    check(sorted(left) == ["..Mine.1.tmp", ".Collider.ply.1.tmp"], "a temporary file of a Blender that ended long ago is removed, no other one", left)
+    for name in left:
+        (folder / "meniscus" / "assets" / name).unlink()
+    after = contents(folder)
+    changed = {path for path in after if after[path] != before.get(path)}
+    is_right = changed == {"assets/Collider.pc2", "assets/Collider.ply"} and after.keys() == before.keys()
+    check(is_right, "then only files that differ are written", changed)
+
+
+def contents(folder: Path) -> dict[str, tuple[int, bytes]]:
+    """When every file of a preset was written, and its content; temporary ones included."""
+    root = folder / "meniscus"
+    return {each.relative_to(root).as_posix(): (each.stat().st_mtime_ns, each.read_bytes()) for each in root.rglob("*") if each.is_file()}
+
+
+def check_script(folder: Path) -> None:
+    """What a script adds takes part, without an update of the view layer."""
+    scene = fresh(folder)
+    late = bpy.data.objects["Pool"].copy()
+    scene.collection.objects.link(late)
+    notes = scene_module("preset").write(bpy.context).notes
+    text = (folder / "meniscus" / "scene.toml").read_text()
+    check(text.count("[[liquid.source]]") == 2 and not any("left out" in note for note in notes), "an object that a script has just added takes part", notes)
 
 
 def check_simulate(folder: Path) -> None:
@@ -260,11 +354,13 @@ def check_simulate(folder: Path) -> None:
 
 def stage_sampling(folder: Path) -> None:
     check_rest(folder / "rest")
+    check_script(folder / "script")
     sampling = scene_module("sampling")
     sampling.has_window = lambda context: True
     sampling.BUDGET_SECONDS = 0.0
     check_modal(folder / "modal")
     check_cancelled(folder / "cancelled")
+    check_cancelled_late(folder / "cancelled late")
     check_simulate(folder / "simulate")
 
 

@@ -306,6 +306,29 @@ def stage_blur(work: Path) -> None:
     # A shorter shutter: half a frame away the next file is read, and shape blurs into shape.
     scene.render.motion_blur_shutter = 0.5
     check(abs(width(True) - width(False)) < 1.5 * pixel, "without the velocity attribute nothing is blurred")
+    check_instances(work / "instances", lambda blur: width(blur) / pixel)
+
+
+def check_instances(folder: Path, columns_of) -> None:
+    """Instances at points are blurred if they are made real; `columns_of` has the columns of the picture that they cover."""
+    imported(synthetic.write_colliders(folder).parent)
+    scene = bpy.context.scene
+    shown = scene.objects["liquid_points"]
+    bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=2, radius=1.0)
+    ball = bpy.context.object
+    for each in scene.objects:
+        each.hide_render = each not in (shown, scene.camera)
+    scene.frame_set(2)
+    # Around the two points.
+    frame_camera(np.array([0.2, -0.1, 1.1]), np.array([0.9, 0.2, 1.6]))
+    pixel = scene.camera.data.ortho_scale / SIZE[0]
+    modifier, nodes = shown.modifiers[0], sys.modules[f"{ADDON}.nodes"]
+    # Half of the blur of the point that moves: to the right, the other one is farther.
+    for is_real, wanted in ((False, 0.0), (True, 0.5 * 6.0 * scene.render.motion_blur_shutter / 24.0)):
+        nodes.set_inputs(modifier, {"Instances": True, "Instance": ball, "Blur Instances": is_real})
+        shown.update_tag()
+        grown = pixel * (columns_of(True) - columns_of(False))
+        check(abs(grown - wanted) < 3.0 * pixel, f"instances {'that are real have the blur of their velocities' if is_real else 'have none'}", (grown, wanted))
 
 
 def stage_volume(shot: Path) -> None:

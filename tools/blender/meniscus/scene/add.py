@@ -10,7 +10,7 @@ from bpy.props import EnumProperty
 from mathutils import Matrix, Vector
 
 from .. import colliders
-from . import roles, startup
+from . import roles, settings, spacing, startup
 
 Faces = tuple[list[tuple[float, float, float]], list[tuple[int, ...]]]
 # Spacings [m] for scenes of metres and of a table.
@@ -121,6 +121,7 @@ KINDS = {
     ),
     "force": Kind("Force", "Accelerates liquid and cloth", "FORCE_FORCE", "FORCE", "EVERYWHERE", None, sets_spacing=False),
     "smoke": Kind("Smoke", "A source of smoke", "VOLUME_DATA", "SMOKE", "SPHERE", lambda: sphere(0.15), place=(0, 0, 0.15)),
+    "cloud": Kind("Smoke Cloud", "Smoke that is there when the shot starts", "OUTLINER_OB_VOLUME", "CLOUD", "SPHERE", lambda: sphere(0.25), place=(0, 0, 0.4)),
     "ring": Kind("Smoke Ring", "A ring of smoke that flies up", "MESH_TORUS", "RING", "DISC", lambda: disc(0.4), place=(0, 0, 0.3), smoke_spacing=0.03),
     "tube": Kind(
         "Vortex Tube", "Air that swirls around an axis", "MESH_CYLINDER", "TUBE", "BOX",
@@ -195,9 +196,12 @@ def finish(context: bpy.types.Context, made: bpy.types.Object, name: str, scale:
     elif name == "inflow":
         # Litres a second: 1 m/s through its disc.
         role.emitter.rate = 20.0
-    elif name == "smoke":
+    elif name in ("smoke", "cloud"):
         # Without heat and velocity it would stay where it is.
-        role.smoke.temperature, role.smoke.use_velocity, role.smoke.velocity = 180.0, True, (0.0, 0.0, 0.4 / scale)
+        if name == "smoke":
+            role.smoke.temperature, role.smoke.use_velocity, role.smoke.velocity = 180.0, True, (0.0, 0.0, 0.4 / scale)
+        else:
+            role.cloud.temperature = 180.0
         if not context.scene.meniscus.smoke.is_property_set("use_buoyancy"):
             context.scene.meniscus.smoke.use_buoyancy = True
     elif name == "tap":
@@ -213,6 +217,13 @@ def finish(context: bpy.types.Context, made: bpy.types.Object, name: str, scale:
         role.collider.use_friction, role.collider.friction = True, 0.3
     elif name == "cloth":
         made.data.polygons.foreach_set("use_smooth", [True] * len(made.data.polygons))
+
+
+def note_on(context: bpy.types.Context, made: bpy.types.Object) -> str | None:
+    """A note on an object that does not fit the spacing that the scene had before: one spacing fits no tap and a pool."""
+    scale = context.scene.unit_settings.scale_length
+    distance = settings.number(context.scene.meniscus.liquid, "LiquidParams", "spacing", scale)
+    return spacing.note(made.name, made.meniscus.role, made.meniscus.shape, [scale * length for length in made.dimensions], distance)
 
 
 class MENISCUS_OT_add(bpy.types.Operator):
@@ -233,8 +244,12 @@ class MENISCUS_OT_add(bpy.types.Operator):
         return KINDS[properties.kind].text
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        for note in startup.tidy(context, add(context, self.kind)):
+        made = add(context, self.kind)
+        for note in startup.tidy(context, made):
             self.report({"INFO"}, note)
+        note = note_on(context, made)
+        if note is not None:
+            self.report({"WARNING"}, note)
         return {"FINISHED"}
 
 

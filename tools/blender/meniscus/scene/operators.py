@@ -14,7 +14,7 @@ from .sampling import PresetOperator, Sampling, has_window
 from .toml import inline
 
 WAIT_SECONDS = 0.05
-SAMPLING = "Frames are being sampled. Esc cancels"
+SAMPLING = "A preset is being written. Esc cancels"
 
 
 def check_free(root: Path) -> None:

@@ -88,7 +88,7 @@ class ShotPanel:
                 row.operator("meniscus.resume", icon="FRAME_NEXT")
         sampled = sampling.text_of(scene)
         if sampled is not None:
-            layout.progress(factor=sampling.Sampling.current.part, type="BAR", text=sampled)
+            layout.progress(factor=sampling.Sampling.current.step.part, type="BAR", text=sampled)
         elif job is not None:
             self.draw_job(layout, job)
         for line in session.plan_of(scene):

@@ -5,16 +5,17 @@ from collections.abc import Generator
 from dataclasses import dataclass
 from math import hypot
 from pathlib import Path
+from typing import TypeVar
 
 import bpy
 import numpy as np
 
 from ..messages import ShotError, printable
-from . import assets, identity, joints, poses, sample, schema, settings, toml, vortices
+from . import assets, identity, joints, poses, sample, schema, settings, spacing, toml, vortices
 from .names import QUALITIES, Names
 from .places import blend_from, check_owner, folder_of
 from .roles import OF_SMOKE
-from .run import BODIES, SHEETS, SURFACES, VOLUMES, WHITEWATER
+from .run import SHEETS, SOLIDS, SURFACES, VOLUMES, WHITEWATER
 from .sample import Sampled
 from .shapes import Placed, Shaper
 from .toml import Document, Table
@@ -28,6 +29,13 @@ FORCE_VECTORS = {"acceleration", "velocity"}
 COLOURED = {"attributes": ["velocity", "source"]}
 # Smoke's own volumes need no finer grid, and no terms of a liquid's surface.
 SMOKE_SURFACE = {"voxel": 1.0, "kernel_radius": 3.0}
+
+
+# Labels of the steps of writing a preset.
+SAMPLING, COMPOSING, WRITING = "Sampling", "Composing", "Writing files"
+Result = TypeVar("Result")
+# Steps that yield the finished part.
+Parts = Generator[float, None, None]
 
 
 @dataclass
@@ -59,17 +67,16 @@ class TimeAndUnits:
         return cls(scene.frame_start, scene.frame_end, scene.frame_step, fps, scene.unit_settings.scale_length)
 
 
-def unchanged(steps: Generator[float, None, list[Sampled]], scene: bpy.types.Scene, expected: TimeAndUnits) -> Generator[float, None, list[Sampled]]:
-    """The steps of sampling. Raises ShotError if frame range, frame rate or unit scale changed since the start."""
-    while True:
-        if TimeAndUnits.of(scene) != expected:
-            finding = "frame range, step, frame rate or unit scale changed while frames were sampled"
-            raise ShotError(f"{printable(scene.name)}: {finding}; no file was written. Start again")
-        try:
-            part = next(steps)
-        except StopIteration as end:
-            return end.value
-        yield part
+@dataclass(frozen=True)
+class Step:
+    """A step of writing a preset: what is being done, the finished part of it, and whether the scene is still being read."""
+
+    label: str
+    part: float
+    is_reading: bool = True
+
+
+Steps = Generator[Step, None, Written]
 
 
 def write(context: bpy.types.Context, takes_over: bool = False) -> Written:
@@ -82,8 +89,11 @@ def write(context: bpy.types.Context, takes_over: bool = False) -> Written:
             return end.value
 
 
-def writing(context: bpy.types.Context, takes_over: bool = False) -> Generator[float, None, Written]:
-    """The same in steps of one frame, each of which yields the sampled part; nothing is written before the last. Closing it restores the scene."""
+def writing(context: bpy.types.Context, takes_over: bool = False) -> Steps:
+    """The same in steps of one frame, one object, or one part of a file. Closing it restores the scene, and changes no file.
+
+    Files are written under temporary names; the last step renames them.
+    """
     notes: list[str] = []
     frames, units = sample.frame_numbers(context.scene), TimeAndUnits.of(context.scene)
     sources = sample.takes_part(context, notes)
@@ -91,17 +101,31 @@ def writing(context: bpy.types.Context, takes_over: bool = False) -> Generator[f
     check_owner(context.scene, root, takes_over)
     folder = assets.Folder(root)
     folder.check_preset()
-    camera = context.scene.camera
-    with sample.quiet(context, sources):
-        steps = sample.sample(context, sources + ([camera] if camera else []), frames, units.scale, notes)
-        sampled = yield from unchanged(steps, context.scene, units)
-        camera_samples = sampled.pop() if camera else None
-        writer = Writer(context.scene, units, sampled, camera_samples, folder, notes)
-        text = writer.text()
-    identity.mark(sampled, identity.Sources(root))
-    owner = {"blend": blend_from(root), "scene": context.scene.name, "session": identity.session}
-    path, removed = folder.finish(text, owner | {"objects": identity.entries(sampled)})
+    scene, camera = context.scene, context.scene.camera
+    try:
+        with sample.quiet(context, sources):
+            steps = sample.sample(context, sources + ([camera] if camera else []), frames, units.scale, notes)
+            sampled = yield from labelled(steps, SAMPLING)
+            camera_samples = sampled.pop() if camera else None
+            writer = Writer(scene, units, sampled, camera_samples, folder, notes)
+            text = yield from labelled(writer.text(), COMPOSING)
+        yield from labelled(folder.stage(), WRITING, is_reading=False)
+        identity.mark(sampled, identity.Sources(root))
+        owner = {"blend": blend_from(root), "scene": scene.name, "session": identity.session}
+        path, removed = folder.finish(text, owner | {"objects": identity.entries(sampled)})
+    finally:
+        folder.discard()
     return Written(path, notes, removed, writer.products(), [units.start, units.end, units.step])
+
+
+def labelled(parts: Generator[float, None, Result], label: str, is_reading: bool = True) -> Generator[Step, None, Result]:
+    """Finished parts as steps."""
+    while True:
+        try:
+            part = next(parts)
+        except StopIteration as end:
+            return end.value
+        yield Step(label, part, is_reading)
 
 
 class Writer:
@@ -125,6 +149,7 @@ class Writer:
         # Shapes that several tables have.
         self.placed: dict[str, Placed] = {}
         self.roles: dict[str, list[Sampled]] = {}
+        self.composed, self.count = 0, len(sampled)
         names = Names()
         for each in sampled:
             self.roles.setdefault(each.role.role, []).append(each)
@@ -132,27 +157,32 @@ class Writer:
         self.has_liquid = bool(self.roles.get("FLUID") or self.roles.get("INFLOW"))
         self.has_smoke, self.has_cloth, self.has_bodies = bool(OF_SMOKE & self.roles.keys()), "CLOTH" in self.roles, "BODY" in self.roles
 
-    def text(self) -> str:
+    def text(self) -> Generator[float, None, str]:
+        """The text of the preset, in steps of one object that yield the finished part. Raises ShotError."""
         if not (self.has_liquid or self.has_smoke or self.has_cloth or self.has_bodies):
             raise ShotError("The scene has nothing to simulate. Add a pool, an inflow, smoke, cloth or a body: Add > Meniscus")
         self.head()
-        self.world()
+        yield from self.world()
         self.falling()
-        self.liquid()
-        self.smoke()
-        self.cloth()
-        self.bodies()
-        self.forces()
+        for part in (self.liquid(), self.smoke(), self.cloth(), self.bodies(), self.forces()):
+            yield from part
         self.surface()
         self.camera()
         self.output()
         self.tiers()
         return self.document.text()
 
+    def next_part(self) -> float:
+        """The finished part before the tables of another object."""
+        self.composed += 1
+        return (self.composed - 1) / self.count
+
     def products(self) -> set[str]:
         """What the preset has that can be shown while it is simulated."""
         has_whitewater = self.has_liquid and self.shot.use_whitewater
-        has = [(SURFACES, self.has_liquid), (VOLUMES, self.has_smoke), (SHEETS, self.has_cloth), (BODIES, self.has_bodies), (WHITEWATER, has_whitewater)]
+        has_tank = any(each.role.shape == "TANK" and each.role.collider.use_look for each in self.of("COLLIDER"))
+        has = [(SURFACES, self.has_liquid), (VOLUMES, self.has_smoke), (SHEETS, self.has_cloth)]
+        has += [(SOLIDS, self.has_bodies or has_tank), (WHITEWATER, has_whitewater)]
         return {name for name, is_there in has if is_there}
 
     def of(self, role: str) -> list[Sampled]:
@@ -174,7 +204,7 @@ class Writer:
         if scene.render.frame_map_old != scene.render.frame_map_new:
             self.notes.append("The scene's time stretching is left out: the shot runs at the frame rate")
 
-    def world(self) -> None:
+    def world(self) -> Parts:
         scene = self.scene
         gravity = [float(part) * self.scale if scene.use_gravity else 0.0 for part in scene.gravity]
         size = hypot(*gravity)
@@ -183,6 +213,7 @@ class Writer:
             self.notes.append(f"{printable(scene.name)}: {text}")
         self.document.table("world", {"gravity": gravity})
         for each in self.of("COLLIDER"):
+            yield self.next_part()
             placed = self.shaper.place(each, each.asset)
             found = self.values(each, "collider", "Collider")
             has_tension = self.has_liquid and self.shot.liquid.use_surface_tension
@@ -215,7 +246,7 @@ class Writer:
             values["keyframes"] = placed.keyframes
         self.document.table(path, values, note=each.source.name, repeated=True)
 
-    def liquid(self) -> None:
+    def liquid(self) -> Parts:
         if not self.has_liquid:
             for each in self.of("OUTFLOW"):
                 self.shaper.note(each, "is left out, since the scene has no liquid")
@@ -229,11 +260,15 @@ class Writer:
                 self.notes.append(f"Tension of Splashes is {MAX_TENSION:g} N/m, the largest there is, although the spacing needs more. Lower it")
         self.document.table("liquid", values)
         for each in self.of("FLUID"):
+            yield self.next_part()
+            self.fits(each)
             placed = self.shaper.place(each, each.asset)
             self.entry("liquid.source", each, placed, self.values(each, "source", "LiquidSource"))
         for each in self.of("INFLOW"):
+            yield self.next_part()
             self.inflow(each)
         for each in self.of("OUTFLOW"):
+            yield self.next_part()
             ranges = self.ranges(each)
             if ranges is not None:
                 placed = self.shaper.place(each, each.asset)
@@ -252,6 +287,7 @@ class Writer:
         if ranges is None:
             return
         placed = self.shaper.place(each, each.asset)
+        self.fits(each)
         found = dict(self.values(each, "emitter", "LiquidEmitter"))
         for key in ("velocity", "direction"):
             if key in found:
@@ -265,6 +301,15 @@ class Writer:
         if ranges:
             found["on"] = ranges
         self.entry("liquid.emitter", each, placed, found)
+
+    def fits(self, each: Sampled) -> None:
+        """Notes a nozzle that is too narrow for the spacing, and liquid that is too much for it."""
+        low, high = self.shaper.bounds(each)
+        lengths = (high - low) * np.linalg.norm(each.matrices[0][:3, :3], axis=0)
+        distance = settings.number(self.shot.liquid, "LiquidParams", "spacing", self.scale)
+        note = spacing.note(each.source.name, each.role.role, each.role.shape, lengths.tolist(), distance)
+        if note is not None:
+            self.notes.append(note)
 
     def ranges(self, each: Sampled) -> list[dict[str, int]] | None:
         """Frames in which an object acts; empty if always, None if never, which is reported."""
@@ -281,11 +326,12 @@ class Writer:
             found.append(span | ({"end": self.frames[end]} if end is not None else {}))
         return found
 
-    def smoke(self) -> None:
+    def smoke(self) -> Parts:
         if not self.has_smoke:
             return
         self.document.table("smoke", settings.values(self.shot.smoke, "SmokeParams", self.scale))
         for each in self.of("SMOKE"):
+            yield self.next_part()
             ranges = self.ranges(each)
             if ranges is None:
                 continue
@@ -296,6 +342,9 @@ class Writer:
             if ranges:
                 found |= ranges[0]
             self.entry("smoke.emitter", each, self.shaper.place(each, each.asset), found)
+        for each in self.of("CLOUD"):
+            yield self.next_part()
+            self.entry("smoke.source", each, self.shaper.place(each, each.asset), self.values(each, "cloud", "SmokeSource"))
         self.vortices()
 
     def vortices(self) -> None:
@@ -313,14 +362,15 @@ class Writer:
             values = {"shape": self.shaper.place(each, each.asset).shape} | self.values(each, "turbulence", "Turbulence")
             self.document.table("smoke.turbulence", values, note=each.source.name)
 
-    def cloth(self) -> None:
+    def cloth(self) -> Parts:
         for each in self.of("CLOTH"):
+            yield self.next_part()
             name = each.asset
             matrix = each.matrices[0]
             if each.geometry is None or not len(each.geometry.faces):
                 raise ShotError(f"{printable(each.source.name)}: has no faces, expected the mesh of a sheet. Give it a mesh")
             vertices = each.vertices[0].astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
-            file = self.folder.add(f"{name}.ply", assets.ply(vertices, each.geometry.faces))
+            file = self.shaper.add_mesh(name, vertices, each.geometry.faces)
             found = self.values(each, "cloth", "SheetParams")
             values = {"name": name, "shape": {"mesh": {"file": file}}} | found
             self.document.table("sheet", values, note=each.source.name, repeated=True)
@@ -398,8 +448,9 @@ class Writer:
     def couple(self, system: str, sheet: str, found: dict[str, object]) -> None:
         self.document.table("coupling", {"between": [system, sheet]} | found, repeated=True)
 
-    def bodies(self) -> None:
+    def bodies(self) -> Parts:
         for each in self.of("BODY"):
+            yield self.next_part()
             placed = self.shaper.place(each, each.asset)
             found = self.values(each, "body", "BodyParams")
             for key in ("liquid_friction", "contact_angle"):
@@ -412,9 +463,10 @@ class Writer:
             found["position"] = each.matrices[0][:3, 3].tolist()
             self.entry("body", each, placed, found)
 
-    def forces(self) -> None:
+    def forces(self) -> Parts:
         systems = [name for name, has in (("liquid", self.has_liquid), ("sheets", self.has_cloth)) if has]
         for each in self.of("FORCE"):
+            yield self.next_part()
             if not systems:
                 self.shaper.note(each, "is left out: forces act on liquid and cloth, and the scene has neither")
                 continue
@@ -422,7 +474,7 @@ class Writer:
             table = settings.values(getattr(each.role, f"kind_{kind.name}"), kind.name, self.scale, kind.keys)
             placed = self.shaper.force(each, each.asset)
             table = {name: clean_vector(placed.axes @ np.array(value)) if name in FORCE_VECTORS else value for name, value in table.items()}
-            for key, value in (("center", [0.0, 0.0, 0.0]), ("axis", placed.axes[:, 2].tolist())):
+            for key, value in (("center", placed.origin.tolist()), ("axis", placed.axes[:, 2].tolist())):
                 if any(one.name == key for one in kind.keys):
                     table = {key: value} | table
             values: dict[str, object] = {"kind": {kind.name: dict(table)}}

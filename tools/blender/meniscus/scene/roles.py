@@ -22,6 +22,7 @@ ROLES = [
     ("TUBE", "Vortex Tube", "Air that swirls around the object's Z axis when the shot starts", "MESH_CYLINDER", 10),
     ("TURBULENCE", "Turbulence", "Random swirls of the smoke's air when the shot starts", "FORCE_TURBULENCE", 11),
     ("REGION", "Cloth Region", "Cloth in the object when the shot starts has other material", "MOD_VERTEX_WEIGHT", 12),
+    ("CLOUD", "Smoke Cloud", "Smoke fills the object when the shot starts", "OUTLINER_OB_VOLUME", 13),
 ]
 # Each role's definition in the schema and the attribute with its settings.
 DEFINITIONS = {
@@ -32,13 +33,14 @@ DEFINITIONS = {
     "CLOTH": ("SheetParams", "cloth"),
     "FORCE": ("ForceParams", "force"),
     "SMOKE": ("Emitter", "smoke"),
+    "CLOUD": ("SmokeSource", "cloud"),
     "RING": ("Ring", "ring"),
     "TUBE": ("Tube", "tube"),
     "TURBULENCE": ("Turbulence", "turbulence"),
     "REGION": ("Region", "region"),
 }
 # Roles that make a scene one with smoke.
-OF_SMOKE = {"SMOKE", "RING", "TUBE", "TURBULENCE"}
+OF_SMOKE = {"SMOKE", "CLOUD", "RING", "TUBE", "TURBULENCE"}
 # Roles whose objects only mark a volume: pictures show the liquid, not them.
 VOLUMES = {"FLUID", "INFLOW", "OUTFLOW", "FORCE", "REGION", *OF_SMOKE}
 SHAPE_ITEMS = {
@@ -61,6 +63,7 @@ SHAPES = {
     "CLOTH": ["MESH"],
     "FORCE": ["EVERYWHERE", "MESH", "BOX", "SPHERE"],
     "SMOKE": ["MESH", "BOX", "SPHERE"],
+    "CLOUD": ["MESH", "BOX", "SPHERE"],
     "RING": ["DISC"],
     "TUBE": ["BOX"],
     "TURBULENCE": ["BOX", "SPHERE"],

@@ -31,9 +31,9 @@ MAX_LINE = 1 << 16
 START_SECONDS = 30.0
 # What is made while a simulation runs, and the command for it: those that follow its frames one by one, and those that are repeated for
 # all frames so far, as their files hold all frames or a frame needs those before it.
-SURFACES, VOLUMES, SHEETS, BODIES, WHITEWATER = "surfaces", "volumes", "sheets", "bodies", "whitewater"
+SURFACES, VOLUMES, SHEETS, SOLIDS, WHITEWATER = "surfaces", "volumes", "sheets", "solids", "whitewater"
 FOLLOWING = {SURFACES: ["mesh", "{}", "--follow"], VOLUMES: ["volume", "{}", "--follow"]}
-REPEATED = {SHEETS: ["export", "{}", "--format", "pc2"], BODIES: ["colliders", "{}"], WHITEWATER: ["whitewater", "{}"]}
+REPEATED = {SHEETS: ["export", "{}", "--format", "pc2"], SOLIDS: ["colliders", "{}"], WHITEWATER: ["whitewater", "{}"]}
 # The log of what is wrong with a preset.
 PROBLEMS = runner.PROBLEMS
 # The steps of a job and what they are for.
@@ -374,4 +374,4 @@ def steps_of(action: str, tier: str, preset: Path, changes: list[str], threads: 
             simulate[key] = [{"name": name, "arguments": [*command, *common]} for name, command in commands]
     steps = [simulate, {"name": "outputs", "arguments": ["shot", *of_preset, "-o", tier, *common]}]
     # Bodies are written with other outputs, and are no output that a preset can name.
-    return steps + ([{"name": "colliders", "arguments": ["colliders", tier, *common]}] if products == {BODIES} else [])
+    return steps + ([{"name": "colliders", "arguments": ["colliders", tier, *common]}] if products == {SOLIDS} else [])

@@ -79,6 +79,8 @@ def frame_numbers(scene: bpy.types.Scene) -> list[int]:
 
 def takes_part(context: bpy.types.Context, notes: list[str]) -> list[bpy.types.Object]:
     """Objects with a role that are in the view layer and not hidden, by name; the others are reported."""
+    # An object that a script has just added is otherwise in no view layer, and hidden.
+    context.view_layer.update()
     found = []
     shown = set(context.view_layer.objects)
     for each in sorted(context.scene.objects, key=lambda one: one.name):

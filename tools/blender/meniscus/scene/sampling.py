@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """Operators that write the preset: at once from scripts and in background, in a window as a modal operator that Esc cancels.
 
-A frame of a heavy scene takes seconds to evaluate, so in a window a timer samples a few frames per tick. Other input of that window waits:
-an edit between two frames would be in half of the samples. Undo, loading and saving from another window cancel.
+A frame of a heavy scene takes seconds to evaluate, and a point cache has gigabytes, so in a window a timer takes a few steps per tick:
+frames that are sampled, objects whose tables are composed, parts of files. Other input of that window waits: an edit between two frames
+would be in half of the samples. Undo, loading and saving from another window cancel, and so do roles and settings that are changed there.
 """
 
 import time
@@ -10,12 +11,12 @@ import time
 import bpy
 
 from ..messages import ShotError, printable
-from . import preset
+from . import changes, preset
 
 TICK_SECONDS = 0.02
-# Frames are sampled for this long per tick, one at least, before the window is drawn again.
+# Steps are taken for this long per tick, one at least, before the window is drawn again.
 BUDGET_SECONDS = 0.1
-CANCELLED = "Cancelled while frames were sampled: no file was written, the current frame is as before"
+CANCELLED = "Cancelled while the scene was sampled and written: the files and the current frame are as before"
 
 
 class Sampling:
@@ -25,44 +26,66 @@ class Sampling:
     current: "Sampling | None" = None
 
     def __init__(self, context: bpy.types.Context, takes_over: bool) -> None:
-        self.scene_name, self.part = context.scene.name, 0.0
+        self.scene, self.layer, self.scene_name = context.scene, context.view_layer, context.scene.name
+        self.step = preset.Step(preset.SAMPLING, 0.0)
+        # What the preset reads, and the frame, at the end of the last tick.
+        self.settings: changes.Settings | None = None
+        self.frame = (0, 0.0)
         self.steps = preset.writing(context, takes_over)
         Sampling.current = self
 
     def advance(self, seconds: float) -> preset.Written | None:
-        """Samples frames for some time, one at least; what was written after the last. Raises ShotError, and is then closed."""
+        """Takes steps for some time, one at least; what was written after the last. Raises ShotError, and is then closed."""
         end = time.monotonic() + seconds
         try:
+            self.check()
             while True:
-                self.part = next(self.steps)
+                self.step = next(self.steps)
                 if time.monotonic() >= end:
+                    self.remember()
                     return None
         except StopIteration as done:
             self.close()
             return done.value
         except ReferenceError:
             self.close()
-            raise ShotError("An object was removed while frames were sampled; no file was written. Start again") from None
+            raise ShotError("An object was removed while the scene was sampled; no file was written. Start again") from None
         except BaseException:
             self.close()
             raise
+
+    def remember(self) -> None:
+        """Keeps what the preset reads, unless all of it was read."""
+        self.frame = (self.scene.frame_current, self.scene.frame_subframe)
+        self.settings = changes.settings_of(self.scene, self.layer) if self.step.is_reading else None
+
+    def check(self) -> None:
+        """Raises ShotError if a role or a setting was changed since the last tick: a preset would have half of both."""
+        if self.settings is None:
+            return
+        if (self.scene.frame_current, self.scene.frame_subframe) != self.frame:
+            # Another window plays the animation: what is animated has the values of another frame.
+            self.scene.frame_set(self.frame[0], subframe=self.frame[1])
+        changed = changes.difference(self.settings, changes.settings_of(self.scene, self.layer))
+        if changed is not None:
+            raise ShotError(f"{printable(changed)} changed while the scene was sampled; no file was written. Start again")
 
     @property
     def is_open(self) -> bool:
         return Sampling.current is self
 
     def text(self) -> str:
-        return f"Sampling {100.0 * self.part:.0f} %. Esc cancels"
+        return f"{self.step.label} {100.0 * self.step.part:.0f} %. Esc cancels"
 
     def close(self) -> None:
-        """Restores the scene as it was; nothing is written."""
+        """Restores the scene as it was; no file is changed."""
         if self.is_open:
             Sampling.current = None
             self.steps.close()
 
 
 def text_of(scene: bpy.types.Scene) -> str | None:
-    """The line of the panel while the frames of a scene are sampled."""
+    """The line of the panel while the preset of a scene is written."""
     running = Sampling.current
     return running.text() if running is not None and running.scene_name == scene.name else None
 
@@ -99,7 +122,7 @@ class PresetOperator:
     takes_over = False
 
     def prepare(self, context: bpy.types.Context) -> None:
-        """Checks what can be checked before frames are sampled."""
+        """Checks what can be checked before anything is sampled."""
 
     def finish(self, context: bpy.types.Context, written: preset.Written) -> set[str]:
         """Goes on with the written preset."""

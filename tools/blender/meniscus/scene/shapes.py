@@ -2,6 +2,7 @@
 """The shape of a preset for an object: analytic ones from its bounding box, else a mesh file; and its motion as keyframes."""
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from mathutils import Matrix
@@ -27,6 +28,8 @@ class Placed:
     shape: dict[str, object]
     keyframes: list[dict[str, object]] = field(default_factory=list)
     axes: np.ndarray = field(default_factory=lambda: np.eye(3))
+    # The object's origin in the axes in which the shape is written [m]: not zero if it turns about a pivot elsewhere.
+    origin: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
 
 class Shaper:
@@ -97,7 +100,7 @@ class Shaper:
             return Placed(box_shape(shape, box.moved(each.matrices[0][:3, 3]), shown), [], shown)
         if each.role.role not in MOVING:
             vertices, faces = solid(shape, box)
-            file = self.folder.add(f"{asset}.ply", assets.ply(vertices @ axes.T + each.matrices[0][:3, 3], faces))
+            file = self.add_mesh(asset, vertices @ axes.T + each.matrices[0][:3, 3], faces)
             return Placed({"mesh": self.mesh_table(each, file)}, [], shown)
         if shape == "PLANE":
             if any(pose.quaternion != IDENTITY for pose in found):
@@ -108,7 +111,13 @@ class Shaper:
         turned_poses = [Pose(pose.place, multiplied(pose.quaternion, start), pose.size) for pose in found]
         # The keyframes turn the axes of the box: of a mirrored object they differ from its own by their signs.
         own = axes.T @ shown
-        return Placed(box_shape(shape, box, own), poses.keyframes(each.frames, turned_poses), own)
+        pivot, moves = self.pivoted(each, turned_poses)
+        return Placed(box_shape(shape, box.moved(-pivot), own), moves, own)
+
+    def pivoted(self, each: Sampled, found: list[Pose]) -> tuple[np.ndarray, list[dict[str, object]]]:
+        """The point of the shape about which it is written, and the keyframes of that point."""
+        pivot, moved_poses, chosen = poses.pivoted(each.frames, found)
+        return pivot, poses.keyframes(each.frames, moved_poses, chosen)
 
     def bounds(self, each: Sampled) -> tuple[np.ndarray, np.ndarray]:
         """The bounding box in the object's axes [scene units], of an empty the extent of its display."""
@@ -121,7 +130,7 @@ class Shaper:
         return vertices.min(0), vertices.max(0)
 
     def mesh(self, each: Sampled, name: str) -> Placed:
-        """A mesh file: at its place in the world if it rests, about its origin if it moves, with a point cache if it deforms."""
+        """A mesh file: at its place in the world if it rests, about its origin or pivot if it moves, with a point cache if it deforms."""
         if each.geometry is None or not len(each.geometry.faces):
             raise ShotError(f"{printable(each.source.name)}: has no faces, expected a mesh that encloses a volume. Choose another shape")
         role = each.role.role
@@ -131,23 +140,24 @@ class Shaper:
         if each.deforms():
             self.note(each, "its deformation is left out: only colliders can deform")
         found = self.motion(each)
-        matrix, start = each.matrices[0], np.zeros(3)
-        if len(found) == 1 and role != "BODY":
+        matrix, start, moves = each.matrices[0], np.zeros(3), []
+        if len(found) > 1:
+            pivot, moves = self.pivoted(each, found)
+            start = -pivot
+        elif role != "BODY":
             start = matrix[:3, 3]
         vertices = each.vertices[0].astype(np.float64) @ matrix[:3, :3].T + start
-        file = self.folder.add(f"{name}.ply", assets.ply(vertices, oriented(each, matrix)))
-        moves = poses.keyframes(each.frames, found) if len(found) > 1 else []
+        file = self.add_mesh(name, vertices, oriented(each, matrix))
         return Placed({"mesh": self.mesh_table(each, file)}, moves, directions(matrix))
 
     def deforming(self, each: Sampled, name: str) -> Placed:
         """A mesh and the places of its vertices in every frame, both in the world."""
         if len(each.vertices) == 1:
             each.vertices = each.vertices * len(each.frames)
-        moves = zip(each.vertices, each.matrices)
-        samples = [(vertices @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32) for vertices, matrix in moves]
+        samples = [partial(moved, *both) for both in zip(each.vertices, each.matrices)]
         step = each.frames[1] - each.frames[0] if len(each.frames) > 1 else 1
-        file = self.folder.add(f"{name}.ply", assets.ply(samples[0], oriented(each, each.matrices[0])))
-        cache = self.folder.add(f"{name}.pc2", assets.pc2(samples, float(each.frames[0]), float(step)))
+        file = self.add_mesh(name, samples[0](), oriented(each, each.matrices[0]))
+        cache = self.folder.add(f"{name}.pc2", assets.pc2(samples, len(each.vertices[0]), float(each.frames[0]), float(step)))
         table = self.mesh_table(each, file)
         return Placed({"mesh": {"file": file, "point_cache": cache} | {key: value for key, value in table.items() if key != "file"}})
 
@@ -160,21 +170,27 @@ class Shaper:
         if is_sheared(axes, scale, each.matrices[0]):
             self.note(each, "its shear is left out: the axes of a force are at right angles")
         start = poses.quaternion(axes, IDENTITY)
-        moves = poses.keyframes(each.frames, [Pose(pose.place, multiplied(pose.quaternion, start), 1.0) for pose in found])
+        frames = each.frames[: len(found)]
+        pivot, moved_poses, chosen = poses.pivoted(frames, [Pose(pose.place, multiplied(pose.quaternion, start), 1.0) for pose in found])
+        moves = poses.keyframes(frames, moved_poses, chosen)
         shape = each.role.shape
         if shape == "EVERYWHERE":
-            return Placed({}, moves, own)
+            return Placed({}, moves, own, -pivot)
         if shape == "MESH":
             if each.geometry is None or not len(each.geometry.faces):
                 raise ShotError(f"{printable(each.source.name)}: has no faces, expected a mesh that encloses a volume. Choose another shape")
-            vertices = each.vertices[0].astype(np.float64) * scale
-            file = self.folder.add(f"{name}.ply", assets.ply(vertices, oriented(each, each.matrices[0])))
-            return Placed({"mesh": self.mesh_table(each, file)}, moves, own)
+            vertices = each.vertices[0].astype(np.float64) * scale - pivot
+            file = self.add_mesh(name, vertices, oriented(each, each.matrices[0]))
+            return Placed({"mesh": self.mesh_table(each, file)}, moves, own, -pivot)
         low, high = self.bounds(each)
         ends = np.stack([low * scale, high * scale])
         box = Box(ends.min(0), ends.max(0))
         box.check(printable(each.source.name), axes=3)
-        return Placed(box_shape(shape, box, own), moves, own)
+        return Placed(box_shape(shape, box.moved(-pivot), own), moves, own, -pivot)
+
+    def add_mesh(self, name: str, vertices: np.ndarray, faces: np.ndarray | list[tuple[int, ...]]) -> str:
+        """Adds a mesh to the files of the preset; returns its path."""
+        return self.folder.add(f"{name}.ply", [partial(assets.ply, vertices, faces)])
 
     def mesh_table(self, each: Sampled, file: str) -> dict[str, object]:
         resolution = each.role.resolution
@@ -200,6 +216,11 @@ class Box:
 
     def half(self) -> np.ndarray:
         return (self.high - self.low) / 2.0
+
+
+def moved(vertices: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Vertices in the world [m], in single precision."""
+    return (vertices @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32)
 
 
 def is_round(half: np.ndarray) -> bool:

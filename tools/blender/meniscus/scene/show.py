@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 from mathutils import Matrix
 
-from .. import colliders, outputs, sheets
+from .. import colliders, outputs, sheets, volumes
 from ..check import check_cache, check_files
 from ..folder import ShotFolder
 from ..headers import check_ply
@@ -53,6 +53,9 @@ def show_all(context: bpy.types.Context, scene: bpy.types.Scene, folder: Path) -
         target(scene).sequence(output, path, shot.viscosity)
     for output in shot.volumes:
         target(scene).volume(context, output, path, frames[output], shot.viscosity)
+        text = volumes.rewritten(output, path, frames[output])
+        if text is not None:
+            notes.append(text)
     return notes + show_shapes(context, scene, shot, Sources(folder.parent), files)
 
 
