@@ -142,12 +142,12 @@ fn nozzles_that_cannot_deliver_are_reported_at_the_start_and_in_each_frame() {
     for (change, start, frame) in [
         (
             "shape = { sphere = { center = [0, 0, 0.5], radius = 0.3 } }",
-            "all of it begin in a collider",
+            "the liquid of all its columns begins in a collider",
             "their place was in a solid",
         ),
         (
             "shape = { plane = { point = [0, 0, 0.46], normal = [0, 0, 1] } }",
-            "point at a collider",
+            "directed at a collider",
             "left a nozzle early",
         ),
     ] {

@@ -217,19 +217,21 @@ fn nozzle_warnings(index: usize, nozzle: &NozzleReport, allowed_speed: f64) -> V
             100.0 * difference,
         ));
     }
-    let place = |count: u32| {
-        if count == columns { "all".to_owned() } else { format!("{count} of {columns} columns") }
+    let place = |count: u32| match (count, columns) {
+        (1, 1) => "its only column".to_owned(),
+        _ if count == columns => "all its columns".to_owned(),
+        _ => format!("{count} of its {columns} columns"),
     };
     for (count, what) in [
-        (in_solids, "of it begin in a collider and emit nothing; move it out of the collider"),
+        (in_solids, "begins in a collider, and is not emitted; move it out of the collider"),
         (
             at_wall,
-            "of it point at a collider less than a kernel's reach away, which blocks the flow; move it away",
+            "is directed at a collider less than a kernel's reach away, which blocks the flow; move it away",
         ),
-        (in_outflow, "of it begin in an outflow or outside of the domain, which removes the liquid at once"),
+        (in_outflow, "begins in an outflow or outside of the domain, which removes it at once"),
     ] {
         if count > 0 {
-            warnings.push(format!("{name}: {} {what}", place(count)));
+            warnings.push(format!("{name}: the liquid of {} {what}", place(count)));
         }
     }
     if max_speed > allowed_speed {
@@ -323,9 +325,15 @@ mod tests {
         for (nozzle, words) in [
             (NozzleReport { columns: 0, ..good }, "liquid.emitter.3 emits nothing"),
             (NozzleReport { outline_area: 0.07, ..good }, "9 particles, +29 %"),
-            (NozzleReport { in_solids: 9, ..good }, "liquid.emitter.3: all of it begin in a collider"),
-            (NozzleReport { at_wall: 2, ..good }, "2 of 9 columns of it point at a collider"),
-            (NozzleReport { in_outflow: 1, ..good }, "1 of 9 columns of it begin in an outflow"),
+            (
+                NozzleReport { in_solids: 9, ..good },
+                "liquid.emitter.3: the liquid of all its columns begins in a collider",
+            ),
+            (
+                NozzleReport { at_wall: 2, ..good },
+                "the liquid of 2 of its 9 columns is directed at a collider",
+            ),
+            (NozzleReport { in_outflow: 1, ..good }, "the liquid of 1 of its 9 columns begins in an outflow"),
             (
                 NozzleReport { max_speed: 4.5, ..good },
                 "is faster (4.5 m/s) than liquid.cfl and liquid.max_substeps allow (4 m/s)",
