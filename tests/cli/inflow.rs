@@ -161,7 +161,7 @@ fn nozzles_that_cannot_deliver_are_reported_at_the_start_and_in_each_frame() {
     for (set, words) in [
         ("liquid.max_substeps=8 --set liquid.emitter.0.rate=6", "is faster"),
         ("liquid.emitter.0.shape.disc.radius=0.01", "in 1 particle,"),
-        ("liquid.domain.max=[0.3,0.3,0.4]", "begin in an outflow or outside of the domain"),
+        ("liquid.domain.max=[0.3,0.3,0.4]", "begins in an outflow or outside of the domain"),
     ] {
         desk.write("tap.toml", TAP);
         let (_, talk) = desk.run(&format!("simulate tap.toml -o {} --force --set {set}", words.len()), 0);
