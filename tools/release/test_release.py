@@ -141,6 +141,15 @@ class Archive(unittest.TestCase):
         self.assertEqual({key: found[key] for key in before if key != "license"}, {key: before[key] for key in before if key != "license"})
 
 
+class Crate(unittest.TestCase):
+    def test_the_package_of_cargo_is_small(self):
+        with tempfile.TemporaryDirectory() as folder:
+            command = ["cargo", "package", "--quiet", "--locked", "--no-verify", "--allow-dirty", "-p", "meniscus"]
+            subprocess.run([*command, "--target-dir", folder], cwd=licences.ROOT, check=True)
+            (path,) = Path(folder).glob("package/*.crate")
+            self.assertLess(path.stat().st_size, 2 << 20, "found bytes, expected less than 2 MiB: what is new in `include` of Cargo.toml?")
+
+
 class Platforms(unittest.TestCase):
     def test_symbol_versions_that_the_oldest_glibc_lacks_are_found(self):
         cases = {"GLIBC_2.2.5": True, "GLIBC_2.28": True, "GLIBC_2.28.1": False, "GLIBC_2.29": False, "GLIBC_3.0": False, "GCC_3.3": True}
