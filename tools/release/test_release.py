@@ -107,7 +107,7 @@ class Archive(unittest.TestCase):
             (self.folder / name).write_bytes(name.encode() * 100)
 
     def test_a_wheel_has_the_same_bytes_twice_and_records_every_file(self):
-        first, second = (wheel.pack(LINUX, self.folder, self.folder / name) for name in ("one", "two"))
+        first, second = (wheel.pack(LINUX, self.folder, self.folder / name, compression=8) for name in ("one", "two"))
         self.assertEqual(first.read_bytes(), second.read_bytes())
         self.assertEqual(first.name, f"meniscus_fx-{wheel.version()}-py3-none-manylinux_2_28_x86_64.whl")
         with zipfile.ZipFile(first) as archive:
