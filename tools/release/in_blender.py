@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Installs the extension with its wheels in Blender, from the repository that tools/release/build wrote, and runs the engine.
+"""Installs the extension with its wheels in Blender, and runs the engine: from the zip that tools/release/build wrote, as when it is
+dropped on Blender's window, and from the repository next to it.
 
     PYTHON tools/release/in_blender.py target/wheels/blender
 
-PYTHON has bpy. Works in fresh user folders; nothing is downloaded. The index is compared with that of Blender's own
-command.
+PYTHON has bpy. Works in fresh user folders; nothing is downloaded: `unshare --net` before it shows so. The index is compared with
+that of Blender's own command.
 """
 
 import argparse
@@ -17,13 +18,19 @@ import tempfile
 from pathlib import Path
 
 
-def install(folder: Path) -> None:
-    """Runs in Blender: a repository of a folder, the extension of it, and the engine in the extension."""
+def install_zip(folder: Path) -> str:
+    """Installs the zip as Blender does when it is dropped on its window; returns the module of its add-on."""
     import bpy
 
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    print("Blender", bpy.app.version_string, flush=True)
-    bpy.ops.preferences.addon_enable(module="bl_pkg")
+    (path,) = folder.glob("*.zip")
+    bpy.ops.extensions.package_install_files(filepath=str(path), repo="user_default", enable_on_install=True)
+    return "bl_ext.user_default.meniscus"
+
+
+def install_from_repository(folder: Path) -> str:
+    """Installs the extension from the repository in the folder; returns the module of its add-on."""
+    import bpy
+
     repositories = bpy.context.preferences.extensions.repos
     # A repository on a web server is remote; a folder is one as well, by its URL.
     repository = repositories.new(name="Meniscus", module="meniscus_test", remote_url=(folder / "index.json").as_uri())
@@ -34,6 +41,20 @@ def install(folder: Path) -> None:
     bpy.context.preferences.system.use_online_access = True
     bpy.ops.extensions.package_install(repo_index=index, pkg_id="meniscus", enable_on_install=True)
     bpy.context.preferences.system.use_online_access = False
+    return "bl_ext.meniscus_test.meniscus"
+
+
+INSTALLERS = {"zip": install_zip, "repository": install_from_repository}
+
+
+def install(folder: Path, source: str) -> None:
+    """Runs in Blender: the extension of the folder is installed, and the engine in the extension makes a shot."""
+    import bpy
+
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    print("Blender", bpy.app.version_string, "installs from the", source, flush=True)
+    bpy.ops.preferences.addon_enable(module="bl_pkg")
+    addon = INSTALLERS[source](folder)
 
     import numpy
 
@@ -41,7 +62,7 @@ def install(folder: Path) -> None:
 
     place = Path(mf.__file__).resolve()
     assert Path(os.environ["BLENDER_USER_RESOURCES"]).resolve() in place.parents, place
-    assert "bl_ext.meniscus_test.meniscus" in bpy.context.preferences.addons, "the add-on is not enabled"
+    assert addon in bpy.context.preferences.addons, f"the add-on {addon} is not enabled"
     print("installed", place.parent, oct(mf.program().stat().st_mode), flush=True)
     mesh = mf.reconstruct(numpy.zeros((1, 3), numpy.float32), 0.1)
     assert mesh.is_sound and len(mesh.triangles) > 0
@@ -72,18 +93,19 @@ def same_index(folder: Path, work: Path) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, help="the folder with the zip and index.json")
-    parser.add_argument("--inside", action="store_true", help=argparse.SUPPRESS)
+    parser.add_argument("--inside", choices=INSTALLERS, help=argparse.SUPPRESS)
     options = parser.parse_args()
     folder = options.folder.resolve()
     if options.inside:
-        return install(folder)
+        return install(folder, options.inside)
     with tempfile.TemporaryDirectory() as work:
-        user = Path(work) / "user"
-        user.mkdir()
-        environment = os.environ | {"BLENDER_USER_RESOURCES": str(user), "PYTHONDONTWRITEBYTECODE": "1"}
-        # No PYTHONPATH: the package is the one of the extension.
-        environment.pop("PYTHONPATH", None)
-        subprocess.run([sys.executable, __file__, "--inside", str(folder)], check=True, env=environment, cwd=work)
+        for source in INSTALLERS:
+            user = Path(work) / source
+            user.mkdir()
+            environment = os.environ | {"BLENDER_USER_RESOURCES": str(user), "PYTHONDONTWRITEBYTECODE": "1"}
+            # No PYTHONPATH: the package is the one of the extension.
+            environment.pop("PYTHONPATH", None)
+            subprocess.run([sys.executable, __file__, "--inside", source, str(folder)], check=True, env=environment, cwd=work)
         same_index(folder, Path(work) / "again")
 
 

@@ -107,7 +107,7 @@ class Archive(unittest.TestCase):
             (self.folder / name).write_bytes(name.encode() * 100)
 
     def test_a_wheel_has_the_same_bytes_twice_and_records_every_file(self):
-        first, second = (wheel.pack(LINUX, self.folder, self.folder / name) for name in ("one", "two"))
+        first, second = (wheel.pack(LINUX, self.folder, self.folder / name, compression=8) for name in ("one", "two"))
         self.assertEqual(first.read_bytes(), second.read_bytes())
         self.assertEqual(first.name, f"meniscus_fx-{wheel.version()}-py3-none-manylinux_2_28_x86_64.whl")
         with zipfile.ZipFile(first) as archive:
@@ -139,6 +139,15 @@ class Archive(unittest.TestCase):
         self.assertIn("SPDX:BSD-3-Clause", found["license"])
         before = tomllib.loads(manifest)
         self.assertEqual({key: found[key] for key in before if key != "license"}, {key: before[key] for key in before if key != "license"})
+
+
+class Crate(unittest.TestCase):
+    def test_the_package_of_cargo_is_small(self):
+        with tempfile.TemporaryDirectory() as folder:
+            command = ["cargo", "package", "--quiet", "--locked", "--no-verify", "--allow-dirty", "-p", "meniscus"]
+            subprocess.run([*command, "--target-dir", folder], cwd=licences.ROOT, check=True)
+            (path,) = Path(folder).glob("package/*.crate")
+            self.assertLess(path.stat().st_size, 2 << 20, "found bytes, expected less than 2 MiB: what is new in `include` of Cargo.toml?")
 
 
 class Platforms(unittest.TestCase):
