@@ -1,6 +1,6 @@
 //! Influence coefficients of source panels: the normal velocity that each source of unit density induces at each panel.
 
-use super::{sources::Source, walls::Placed};
+use super::{panels::Panel, sources::Source};
 use crate::{
     math::{Vec3, dot},
     par,
@@ -20,18 +20,18 @@ pub(super) struct Influence {
 
 impl Influence {
     /// The coefficients at `panels`, which have one source each, with their images in a mirror.
-    pub(super) fn new(panels: &[Placed], mirror: Option<(Vec3, f32)>) -> Self {
-        let unknown = |placed: &Placed| match placed.panel.source.expect("a source each") {
-            point @ Source::Point(_) => (point, placed.panel.width.powi(2)),
+    pub(super) fn new(panels: &[Panel], mirror: Option<(Vec3, f32)>) -> Self {
+        let unknown = |panel: &Panel| match panel.source.expect("a source each") {
+            point @ Source::Point(_) => (point, panel.width.powi(2)),
             tile @ Source::Tile(_) => (tile, 1.0),
         };
         let unknowns: Vec<(Source, f32)> = panels.iter().map(unknown).collect();
         let count = panels.len();
         let mut rows = vec![0.0; count * count];
         par::for_chunks(&mut rows, count, |start, row| {
-            let panel = panels[start / count].panel;
+            let Panel { x, normal, .. } = panels[start / count];
             for (entry, (source, square)) in row.iter_mut().zip(&unknowns) {
-                *entry = panel.normal.dot(&source.flow(panel.x, mirror)) * square;
+                *entry = normal.dot(&source.flow(x, mirror)) * square;
             }
         });
         Self { unknowns, rows }

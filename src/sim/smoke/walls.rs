@@ -166,11 +166,15 @@ impl Walls {
         let entering =
             |(placed, air): (&Placed, &Vec3)| -f64::from(placed.panel.normal.dot(&(air - placed.velocity)));
         let right: Vec<f64> = panels.iter().zip(air).map(entering).collect();
+        let coefficients = || {
+            let panels: Vec<Panel> = panels.iter().map(|placed| placed.panel).collect();
+            Influence::new(&panels, mirror)
+        };
         let moved;
         let influence = if self.with_sources().all(|body| body.motion.is_none()) {
-            self.still.get_or_init(|| Influence::new(panels, mirror))
+            self.still.get_or_init(coefficients)
         } else {
-            moved = Influence::new(panels, mirror);
+            moved = coefficients();
             &moved
         };
         let (q, residual) = gmres(&right, RESIDUAL, MAX_ITERATIONS, |q| influence.product(q));

@@ -67,6 +67,13 @@ pub(super) const CHECKED: &[Checked] = &[
     checked("docs/eikonal.md", "tools/bench/", 1, Check::Script, BENCH),
     checked("docs/eikonal.md", "meniscus tradeoff", 1, Check::DryRun, SEVERAL_RUNS),
     checked("docs/eikonal.md", "cargo bench", 1, Check::Cargo, BENCH),
+    checked(
+        "docs/gallery.md",
+        "meniscus shot figure-drop",
+        1,
+        Check::DryRun,
+        "simulates a million particles: an hour",
+    ),
     checked("docs/liquid.md", "meniscus shot dam-break", 2, Check::DryRun, AS_WRITTEN),
     checked("docs/paper.md", "tools/bench/", 2, Check::Script, BENCH),
     checked("docs/paper.md", "meniscus simulate", 29, Check::DryRun, AS_WRITTEN),

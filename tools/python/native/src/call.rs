@@ -82,7 +82,8 @@ pub(crate) fn on_threads<R: Send>(
 /// The failure where so many threads are refused, for lack of memory or by a limit of threads.
 fn threads_refused(threads: usize, error: impl Display) -> Failure {
     let count = if threads == 0 { thread::available_parallelism().map_or(1, usize::from) } else { threads };
-    if !is_granted(count as u64 * STACK) {
+    // Twice the stacks: the system needs some memory around them, and other threads may have freed some since.
+    if !is_granted(2 * count as u64 * STACK) {
         let text = format!(
             "the system refused memory for {count} threads ({error}): pass fewer, or allow more (`ulimit -v`)"
         );
