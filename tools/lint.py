@@ -92,7 +92,7 @@ def digest(records: list[dict]) -> str:
     """Of all that the lints depend on: the compiler, this program, the arguments and the files that each crate was made from."""
     text = subprocess.run(["rustc", "--version", "--verbose"], stdout=subprocess.PIPE, check=True).stdout
     total = hashlib.sha256(text + json.dumps(records, sort_keys=True).encode())
-    files = {Path(__file__), Path("Cargo.toml"), *Path("benches").rglob("*.rs"), *(Path(record["source"]) for record in records)}
+    files = {Path(__file__), *Path(".").glob("*.toml"), *Path(".").glob(".clippy.toml"), *Path("benches").rglob("*.rs"), *(Path(record["source"]) for record in records)}
     for record in records:
         arguments = record["arguments"]
         hashed = next((argument for argument in arguments if argument.startswith("extra-filename=")), "")

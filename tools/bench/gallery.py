@@ -5,7 +5,7 @@
     tools/bench/gallery.py dam-break --tiers draft,preview
     tools/bench/gallery.py smoke-ring --tiers draft --frames 1-4
     tools/bench/gallery.py --keep shots           leaves the shots there, to render pictures from
-    tools/bench/gallery.py --large figure-drop    with about a million particles, up to three hours each
+    tools/bench/gallery.py --large figure-drop    with about a million particles, an hour or more each
 
 Needs the release binary, Python's standard library, and a machine that does nothing else.
 """
@@ -82,6 +82,9 @@ def main():
     options = parser.parse_args()
     print("| preset | | tier | particles | frames | simulate and write | peak memory | cache | meshes, volumes or sheets |")
     print("|---|---|---|---|---|---|---|---|---|")
+    unknown = set(options.presets) - set(LARGE)
+    if options.large and unknown:
+        parser.error(f"--large: found {', '.join(sorted(unknown))}, expected some of {', '.join(LARGE)}")
     tiers = ["large"] if options.large else options.tiers.split(",")
     for preset in options.presets or (LARGE if options.large else presets(options.binary)):
         for tier in tiers:

@@ -305,7 +305,7 @@ mod tests {
     use super::*;
     use crate::{
         sdf::Sampled,
-        solid::{MeshShape, Shape, Solid},
+        solid::{Interpolation, Keyframe, MeshShape, Motion, Shape, Solid},
     };
 
     /// Leakage of each of some solids in wind, and the one that is reported.
@@ -335,29 +335,75 @@ mod tests {
         assert_eq!((reported.body, reported.part), (1, both[1].part), "the edges of the box are the worst");
     }
 
-    /// Velocity of a wind of 1 m/s along x at points above a floor on which, or in which, a ball of radius 0.5 m is.
-    fn over_floor(height: f32, points: &[Vec3]) -> (Vec<Vec3>, f64) {
-        let floor = Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] };
-        let solids =
-            [Shape::Sphere { center: [0.0, 0.0, height], radius: 0.5 }, floor].map(Solid::fixed).to_vec();
+    /// The air in a wind of 1 m/s along x above a floor, with a solid.
+    fn air_over_floor(solid: Solid) -> Air {
+        let floor = Solid::fixed(Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] });
         let params = toml::from_str("spacing = 0.08\nwind = [1, 0, 0]").unwrap();
-        let air = Air::new(&params, &World { gravity: Vec3::zeros(), solids });
+        Air::new(&params, &World { gravity: Vec3::zeros(), solids: vec![solid, floor] })
+    }
+
+    /// Velocities there at points at a time, and the sources.
+    fn over_floor(air: &Air, time: f64, points: &[Vec3]) -> (Vec<Vec3>, Sources) {
         let vortons = Vortons::default();
-        let sources = air.sources(&vortons, 0.0, Spun::at(0.0)).unwrap();
+        let sources = air.sources(&vortons, time, Spun::at(time)).unwrap();
         let instant = Instant { vortons: &vortons, sources: &sources };
-        (air.velocity(instant, points).unwrap(), sources.residual)
+        (air.velocity(instant, points).unwrap(), sources)
     }
 
     #[test]
-    fn what_is_below_the_floor_does_not_act_on_the_air() {
+    fn solids_have_no_sources_below_the_floor() {
+        let ball =
+            |height| air_over_floor(Solid::fixed(Shape::Sphere { center: [0.0, 0.0, height], radius: 0.5 }));
         // Half of a ball on a floor is a whole ball in potential flow: 1 + R³/(2 r³) above it.
-        let (half, residual) = over_floor(0.0, &[Vec3::new(0.0, 0.0, 0.6)]);
+        let (half, sources) = over_floor(&ball(0.0), 0.0, &[Vec3::new(0.0, 0.0, 0.6)]);
         let exact = 1.0 + 0.5_f32.powi(3) / (2.0 * 0.6_f32.powi(3));
-        assert!((half[0].x / exact - 1.0).abs() < 0.02 && residual < 1e-3, "{half:?} {exact} {residual}");
+        assert!((half[0].x / exact - 1.0).abs() < 0.02 && sources.residual < 1e-3, "{half:?} {exact}");
 
-        // The cap of a ball that is sunk but for 5 cm: the image of the rest would stand 90 cm high.
-        let (cap, _) = over_floor(-0.45, &[Vec3::new(0.0, 0.0, 0.3), Vec3::new(-0.5, 0.0, 0.3)]);
-        assert!(cap.iter().all(|v| (v.x - 1.0).abs() < 0.1 && v.z.abs() < 0.1), "{cap:?}");
+        // A cap of 20 cm keeps the air out. One of 5 cm is too flat for sources and shed vorticity, and is reported; the image of the
+        // rest of its ball would be 90 cm high.
+        let (cap, vortons) = (ball(-0.3), Vortons::default());
+        let (_, sources) = over_floor(&cap, 0.0, &[]);
+        let leak = cap.leaks(Instant { vortons: &vortons, sources: &sources }, 0.0).unwrap();
+        assert!(leak[0].part < 0.1 && !sources.points.is_empty(), "{leak:?}");
+        let (flat, points) = (ball(-0.45), [Vec3::new(0.0, 0.0, 0.3), Vec3::new(-0.5, 0.0, 0.3)]);
+        let (velocity, _) = over_floor(&flat, 0.0, &points);
+        assert!(velocity.iter().all(|v| (v - Vec3::x()).norm() < 0.01), "{velocity:?}");
+        let walls = flat.walls.unwrap();
+        assert!(walls.sourceless() == [0] && walls.turning(0.0, Spun::at(0.0), 0.04).is_empty());
+        assert_eq!(walls.heights(&[Vec3::new(0.0, 0.0, 0.06)], 1.0, 0.0), [(1.0, 0)]);
+        assert!(ball(-0.6).walls.unwrap().sourceless().is_empty(), "it is not in the air");
+    }
+
+    #[test]
+    fn faces_in_the_floor_have_no_sources() {
+        // Flush with the floor, and standing on it: five faces of 5 × 5 panels or fewer.
+        let cuboid =
+            |low: f32| Solid::fixed(Shape::Box { min: [-0.2, -0.2, low], max: [0.2, 0.2, low + 0.4] });
+        let (velocity, sources) = over_floor(&air_over_floor(cuboid(-0.4)), 0.0, &[Vec3::new(0.0, 0.0, 0.1)]);
+        assert!(sources.tiles.is_empty() && velocity[0] == Vec3::x());
+        let (_, sources) = over_floor(&air_over_floor(cuboid(0.0)), 0.0, &[]);
+        assert!(sources.residual < 1e-3 && sources.tiles.iter().all(|(tile, _)| tile.axes[2].z > -0.5));
+    }
+
+    #[test]
+    fn coefficients_are_kept_for_solids_that_stand_still_alone() {
+        let shape = Shape::Sphere { center: [0.0, 0.0, 0.6], radius: 0.3 };
+        let key = |frame, x| Keyframe {
+            frame,
+            position: [x, 0.0, 0.0],
+            rotation: [0.0; 3],
+            quaternion: None,
+            scale: 1.0,
+        };
+        let motion = Motion::new(&[key(0, 0.0), key(2, 2.0)], Interpolation::Linear, 1.0, 0);
+        let moving = Solid { motion, ..Solid::fixed(shape.clone()) };
+        let points = [Vec3::new(0.5, 0.0, 0.9), Vec3::new(1.5, 0.2, 0.9)];
+        for solid in [Solid::fixed(shape), moving] {
+            let air = air_over_floor(solid.clone());
+            let [first, second] = [0.0, 1.0].map(|time| over_floor(&air, time, &points).0);
+            assert_eq!(second, over_floor(&air_over_floor(solid.clone()), 1.0, &points).0);
+            assert_eq!(first == second, solid.motion.is_none());
+        }
     }
 
     /// A ring of vortons about the z axis.

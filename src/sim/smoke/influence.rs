@@ -12,9 +12,9 @@ const ROWS: usize = 32;
 /// The coefficients of panels with one source each, times 4π, and their unknowns.
 #[derive(Debug)]
 pub(super) struct Influence {
-    /// Each source, and what makes of its unknown a strength: for a point the squared width of its panel [m²], else 1.
+    /// Each source, and the factor from its unknown to its strength: of a point the squared width of its panel [m²], else 1.
     pub(super) unknowns: Vec<(Source, f32)>,
-    /// Row i: what panel i feels.
+    /// Row i: normal velocity at panel i.
     rows: Vec<f32>,
 }
 
@@ -30,8 +30,8 @@ impl Influence {
         let mut rows = vec![0.0; count * count];
         par::for_chunks(&mut rows, count, |start, row| {
             let Panel { x, normal, .. } = panels[start / count];
-            for (entry, (source, square)) in row.iter_mut().zip(&unknowns) {
-                *entry = normal.dot(&source.flow(x, mirror)) * square;
+            for (entry, (source, factor)) in row.iter_mut().zip(&unknowns) {
+                *entry = normal.dot(&source.flow(x, mirror)) * factor;
             }
         });
         Self { unknowns, rows }

@@ -42,7 +42,8 @@ pub(super) struct Walls {
     bodies: Vec<Body>,
     /// A plane's unit normal and offset [m].
     mirror: Option<(Vec3, f32)>,
-    /// The coefficients, once they are known, of solids that stand still.
+    /// The coefficients, once they are known, of solids that stand still. [`Self::solve`] must not be called by a parallel loop, which
+    /// could enter it a second time while it is computed.
     still: OnceLock<Influence>,
 }
 
@@ -118,38 +119,50 @@ impl Walls {
         Some(Self { bodies, mirror, still: OnceLock::new() })
     }
 
-    /// Indices of the solids without a source, which let the air through. A plane needs none.
+    /// Indices of the solids without a source, which let the air through. A plane needs none, nor does a solid below it.
     pub(super) fn sourceless(&self) -> Vec<usize> {
-        let is_bare = |body: &Body| !matches!(body.shape, Shape::Plane { .. }) && !body.has_sources();
+        let is_bare = |body: &Body| {
+            let sources_in_air = body.motion.is_some() || self.is_sourced(body, 0.0);
+            let is_in_air =
+                body.panels.is_empty() || body.panels.iter().any(|panel| self.is_before_mirror(panel));
+            !matches!(body.shape, Shape::Plane { .. }) && !(body.has_sources() && sources_in_air) && is_in_air
+        };
         (0..self.bodies.len()).filter(|&number| is_bare(&self.bodies[number])).collect()
     }
 
-    /// Panels with a source in the air, at `time` [s]. What of a solid is beyond the mirror has none: its image would be a wall in the
-    /// air, or, where a solid is its own image, make the equations singular.
+    /// Panels with a source in the air, at `time` [s]. Panels beyond the mirror have none: their images would be walls in the air, or,
+    /// where a solid is its own image, make the equations singular.
     pub(super) fn sourced(&self, time: f64) -> Vec<Placed> {
         let mut panels = self.placed(time);
-        panels.retain(|Placed { panel, .. }| {
-            panel
-                .source
-                .is_some_and(|source| self.is_before_mirror(panel) && self.is_source_before_mirror(&source))
-        });
+        panels.retain(|Placed { panel, .. }| self.has_source_in_air(panel));
         panels
     }
 
-    /// Whether a panel is in the air or cut in half by the mirror. Those on which a solid stands are not.
+    /// Whether a panel has a source, and both are before the mirror: the source's image is in the solid then, too.
+    fn has_source_in_air(&self, panel: &Panel) -> bool {
+        let is_before = |source: Source| match self.mirror {
+            None => true,
+            Some((n, offset)) => match source {
+                Source::Point(y) => n.dot(&y) > offset,
+                // On or below the panel, and possibly cut in half.
+                Source::Tile(tile) => n.dot(&tile.middle) - offset > -MIRROR_TOLERANCE * panel.width,
+            },
+        };
+        self.is_before_mirror(panel) && panel.source.is_some_and(is_before)
+    }
+
+    /// Whether a panel is in the air or cut in half by the mirror. Panels that lie in the mirror are not.
     fn is_before_mirror(&self, panel: &Panel) -> bool {
         self.mirror.is_none_or(|(n, offset)| {
             let tolerance = MIRROR_TOLERANCE * panel.width;
-            n.dot(&panel.x) - offset + (n.dot(&panel.normal) * 4.0 * tolerance).min(0.0) > -tolerance
+            n.dot(&panel.x) - offset - (n.dot(&panel.normal) * 4.0 * tolerance).abs() > -tolerance
         })
     }
 
-    /// Whether a point source is on the air's side of the mirror: its image is in the solid then, too.
-    fn is_source_before_mirror(&self, source: &Source) -> bool {
-        match (source, self.mirror) {
-            (Source::Point(y), Some((n, offset))) => n.dot(y) > offset,
-            _ => true,
-        }
+    /// Whether a solid has a source in the air at `time` [s].
+    fn is_sourced(&self, body: &Body, time: f64) -> bool {
+        body.has_sources()
+            && body.placed(&body.panels, time).iter().any(|placed| self.has_source_in_air(&placed.panel))
     }
 
     /// All panels at `time` [s].
@@ -171,7 +184,7 @@ impl Walls {
             Influence::new(&panels, mirror)
         };
         let moved;
-        let influence = if self.with_sources().all(|body| body.motion.is_none()) {
+        let influence = if self.bodies.iter().all(|body| body.motion.is_none() || !body.has_sources()) {
             self.still.get_or_init(coefficients)
         } else {
             moved = coefficients();
@@ -207,12 +220,12 @@ impl Walls {
             let before = first * (1.0 - spun.part) + second * spun.part;
             Turning { panels, cut, before, spin: body.spin(time) }
         };
-        self.with_sources().map(turned).collect()
+        self.with_sources(time).map(turned).collect()
     }
 
-    /// The solids with sources.
-    fn with_sources(&self) -> impl Iterator<Item = &Body> {
-        self.bodies.iter().filter(|body| body.has_sources())
+    /// The solids with sources in the air at `time` [s].
+    fn with_sources(&self, time: f64) -> impl Iterator<Item = &Body> {
+        self.bodies.iter().filter(move |body| self.is_sourced(body, time))
     }
 
     /// Mirror images of points, if there is a plane.
@@ -265,7 +278,7 @@ impl Walls {
     /// none.
     pub(super) fn heights(&self, points: &[Vec3], max: f32, time: f64) -> Vec<(f32, usize)> {
         let bodies: Vec<(&Body, Option<Pose>)> =
-            self.with_sources().map(|body| (body, body.pose(time))).collect();
+            self.with_sources(time).map(|body| (body, body.pose(time))).collect();
         let mut heights = vec![(max, 0); points.len()];
         par::update(&mut heights, |i, nearest| {
             for (number, (body, pose)) in bodies.iter().enumerate() {

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""The viscosity of a shot's liquid, by which it is shown as water or as honey. No Blender in here."""
+"""The preset in a shot folder, and the viscosity of its liquid, by which it is shown as water or as honey. No Blender in here."""
 
 import math
 import re
@@ -17,13 +17,19 @@ THICK = 1.0
 NUMBER = re.compile(r"\s*([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(m?)Pa·?s\s*")
 
 
+def read_preset(folder: Path) -> dict[str, object]:
+    """The preset in a shot folder; empty where there is none that can be read."""
+    try:
+        return tomllib.loads(read_limited(folder / FILE, MAX_BYTES).decode("utf-8"))
+    except (ShotError, ValueError, RecursionError):
+        return {}
+
+
 def read_viscosity(folder: Path) -> float:
     """The dynamic viscosity [Pa·s] that the preset in a shot folder names; 0 where there is no preset or viscosity."""
     try:
-        content = read_limited(folder / FILE, MAX_BYTES)
-        preset = tomllib.loads(content.decode("utf-8"))
-        value = preset["liquid"]["viscosity"]["dynamic"]
-    except (ShotError, ValueError, KeyError, TypeError, RecursionError):
+        value = read_preset(folder)["liquid"]["viscosity"]["dynamic"]
+    except (KeyError, TypeError):
         return 0.0
     if isinstance(value, str):
         match = NUMBER.fullmatch(value)

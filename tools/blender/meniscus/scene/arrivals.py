@@ -20,7 +20,7 @@ from ..motion import Motion, read_motion
 from ..shot import FOG, FRAME_NUMBER, WHITEWATER, Frames, MeshOutput, PointsOutput, SequenceOutput, Shot, VolumeOutput, below, read_shot
 from ..update import IMPORT, OUTPUT
 from ..vdb import check_vdb
-from ..viscosity import read_viscosity
+from ..viscosity import read_preset, read_viscosity
 from . import run, show
 from .identity import Sources
 
@@ -34,6 +34,12 @@ LABELS = {"mesh:liquid": "Surface", "points:liquid_points": "Droplets", "volume:
 SOURCE = b" source\n"
 # A file may be replaced while it is read: so many looks may fail in a row.
 MAX_FAILURES = 5
+
+
+def has_components(folder: Path) -> bool:
+    """Whether small components of the surface in a shot folder become droplets."""
+    surface = read_preset(folder).get("surface")
+    return isinstance(surface, dict) and "components" in surface
 
 
 class Arrivals:
@@ -103,7 +109,8 @@ class Arrivals:
         content, _ = head(files, SURFACE.path(self.frames[before]), MAX_PLY_HEADER_BYTES)
         output = MeshOutput(SURFACE.name, SURFACE.pattern, self.span(count), True, SOURCE in content.partition(b"element face")[0])
         shown: list[SequenceOutput] = [output]
-        if files.has(DROPLETS.path(output.frames.last)):
+        # Without small components, files of droplets are those of an earlier surface.
+        if has_components(self.shot) and files.has(DROPLETS.path(output.frames.last)):
             for frame in self.frames[before:count]:
                 check_ply(files, DROPLETS.path(frame), has_faces=False)
             shown.append(replace(DROPLETS, frames=output.frames))

@@ -157,14 +157,20 @@ class Folder:
                 raise cannot_write(path, error) from None
         write(self.root / PRESET, preset.encode("utf-8"))
         write(self.assets / OBJECTS, (json.dumps(objects, indent=1) + "\n").encode("ascii"))
-        removed = [name for name in sorted(earlier - written) if self.remove(name)]
+        # Where letters' case makes no difference, the file of an earlier `Cube` is that of `cube`.
+        kept = {name.lower() for name in written}
+        removed = [name for name in sorted(earlier - written) if name.lower() not in kept and self.remove(name)]
         self.write_list(written)
         self.remove_abandoned()
         return self.root / PRESET, removed
 
     def remove_abandoned(self) -> None:
         """Removes old temporary files, which may have gigabytes."""
-        for path in self.assets.iterdir():
+        try:
+            paths = list(self.assets.iterdir())
+        except OSError:
+            return
+        for path in paths:
             try:
                 if TEMPORARY.fullmatch(path.name) and time.time() - path.lstat().st_mtime > ABANDONED_SECONDS:
                     path.unlink()

@@ -15,7 +15,8 @@ MAX_PARTICLES, FITTING_PARTICLES = 2e7, 1e6
 def note(name: str, role: str, shape: str, lengths: Sequence[float], spacing: float) -> str | None:
     """A note on an object whose box has these lengths [m], with the spacing that fits; None if it fits."""
     if role == "INFLOW":
-        return narrow(name, min(lengths[:2] if shape == "DISC" else lengths), spacing)
+        # The flow is taken to be along the shortest side of a plate, and along a rod.
+        return narrow(name, min(lengths[:2]) if shape == "DISC" else sorted(lengths)[1], spacing)
     if role == "FLUID" and shape != "DISC":
         return many(name, prod(lengths) * (pi / 6.0 if shape == "SPHERE" else 1.0), spacing)
     return None
