@@ -359,13 +359,13 @@ mod tests {
         let exact = 1.0 + 0.5_f32.powi(3) / (2.0 * 0.6_f32.powi(3));
         assert!((half[0].x / exact - 1.0).abs() < 0.02 && sources.residual < 1e-3, "{half:?} {exact}");
 
-        // A cap of 20 cm keeps the air out. One of 5 cm is too flat for sources and shed vorticity, and is reported; the image of the
-        // rest of its ball would be 90 cm high.
+        // A cap of 20 cm keeps the air out. One of 2 cm is too flat for sources and shed vorticity, and is reported; the image of the
+        // rest of its ball would be 96 cm high.
         let (cap, vortons) = (ball(-0.3), Vortons::default());
         let (_, sources) = over_floor(&cap, 0.0, &[]);
         let leak = cap.leaks(Instant { vortons: &vortons, sources: &sources }, 0.0).unwrap();
-        assert!(leak[0].part < 0.1 && !sources.points.is_empty(), "{leak:?}");
-        let (flat, points) = (ball(-0.45), [Vec3::new(0.0, 0.0, 0.3), Vec3::new(-0.5, 0.0, 0.3)]);
+        assert!(leak[0].part < 0.25 && !sources.points.is_empty(), "{leak:?}");
+        let (flat, points) = (ball(-0.48), [Vec3::new(0.0, 0.0, 0.3), Vec3::new(-0.5, 0.0, 0.3)]);
         let (velocity, _) = over_floor(&flat, 0.0, &points);
         assert!(velocity.iter().all(|v| (v - Vec3::x()).norm() < 0.01), "{velocity:?}");
         let walls = flat.walls.unwrap();

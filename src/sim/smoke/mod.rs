@@ -18,6 +18,7 @@ mod influence;
 #[cfg(feature = "presets")]
 pub(crate) mod job;
 mod kick;
+mod mirror;
 mod panels;
 mod params;
 mod point_sums;

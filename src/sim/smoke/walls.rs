@@ -15,6 +15,7 @@
 use super::{
     emit::VELOCITY_TIME_STEP,
     influence::Influence,
+    mirror,
     panels::Panel,
     sources::{Source, Sources, reflect},
     widths::distribute_panels,
@@ -29,9 +30,6 @@ use std::sync::OnceLock;
 
 /// Residual of the normal flow at the panels at which the equations count as solved.
 const RESIDUAL: f64 = 1e-4;
-
-/// Distance from the mirror at which a point counts as on it, over a panel's width.
-const MIRROR_TOLERANCE: f32 = 1e-4;
 
 /// Limit of GMRES iterations. The residual that is left is in the frame's record (`unsolved`).
 const MAX_ITERATIONS: usize = 60;
@@ -123,8 +121,8 @@ impl Walls {
     pub(super) fn sourceless(&self) -> Vec<usize> {
         let is_bare = |body: &Body| {
             let sources_in_air = body.motion.is_some() || self.is_sourced(body, 0.0);
-            let is_in_air =
-                body.panels.is_empty() || body.panels.iter().any(|panel| self.is_before_mirror(panel));
+            let is_in_air = body.panels.is_empty()
+                || body.panels.iter().any(|panel| mirror::is_before(panel, self.mirror));
             !matches!(body.shape, Shape::Plane { .. }) && !(body.has_sources() && sources_in_air) && is_in_air
         };
         (0..self.bodies.len()).filter(|&number| is_bare(&self.bodies[number])).collect()
@@ -133,36 +131,20 @@ impl Walls {
     /// Panels with a source in the air, at `time` [s]. Panels beyond the mirror have none: their images would be walls in the air, or,
     /// where a solid is its own image, make the equations singular.
     pub(super) fn sourced(&self, time: f64) -> Vec<Placed> {
-        let mut panels = self.placed(time);
-        panels.retain(|Placed { panel, .. }| self.has_source_in_air(panel));
-        panels
-    }
-
-    /// Whether a panel has a source, and both are before the mirror: the source's image is in the solid then, too.
-    fn has_source_in_air(&self, panel: &Panel) -> bool {
-        let is_before = |source: Source| match self.mirror {
-            None => true,
-            Some((n, offset)) => match source {
-                Source::Point(y) => n.dot(&y) > offset,
-                // On or below the panel, and possibly cut in half.
-                Source::Tile(tile) => n.dot(&tile.middle) - offset > -MIRROR_TOLERANCE * panel.width,
-            },
+        let in_air = |placed: Placed| {
+            let source = Some(mirror::source_in_air(&placed.panel, self.mirror)?);
+            Some(Placed { panel: Panel { source, ..placed.panel }, ..placed })
         };
-        self.is_before_mirror(panel) && panel.source.is_some_and(is_before)
-    }
-
-    /// Whether a panel is in the air or cut in half by the mirror. Panels that lie in the mirror are not.
-    fn is_before_mirror(&self, panel: &Panel) -> bool {
-        self.mirror.is_none_or(|(n, offset)| {
-            let tolerance = MIRROR_TOLERANCE * panel.width;
-            n.dot(&panel.x) - offset - (n.dot(&panel.normal) * 4.0 * tolerance).abs() > -tolerance
-        })
+        self.placed(time).into_iter().filter_map(in_air).collect()
     }
 
     /// Whether a solid has a source in the air at `time` [s].
     fn is_sourced(&self, body: &Body, time: f64) -> bool {
         body.has_sources()
-            && body.placed(&body.panels, time).iter().any(|placed| self.has_source_in_air(&placed.panel))
+            && body
+                .placed(&body.panels, time)
+                .iter()
+                .any(|placed| mirror::source_in_air(&placed.panel, self.mirror).is_some())
     }
 
     /// All panels at `time` [s].
@@ -207,7 +189,7 @@ impl Walls {
         let is_before = |placed: &Placed| {
             let Panel { x, normal, width, .. } = placed.panel;
             self.mirror.is_none_or(|(n, offset)| {
-                n.dot(&x) + (n.dot(&normal) * height).min(0.0) > offset + MIRROR_TOLERANCE * width
+                n.dot(&x) + (n.dot(&normal) * height).min(0.0) > offset + mirror::TOLERANCE * width
             })
         };
         let turned = |body: &Body| {
@@ -348,7 +330,7 @@ impl Walls {
             };
             let found: Vec<Panel> = body.panels.iter().filter_map(witness).collect();
             let mut placed = body.placed(&found, time);
-            placed.retain(|Placed { panel, .. }| self.is_before_mirror(panel));
+            placed.retain(|Placed { panel, .. }| mirror::is_before(panel, self.mirror));
             placed
         };
         self.bodies.iter().map(&mut between).collect()

@@ -173,11 +173,13 @@ def register() -> None:
     bpy.utils.register_class(IMPORT_SCENE_OT_meniscus_shot)
     bpy.types.TOPBAR_MT_file_import.append(menu_item)
     reload.register()
+    bpy.app.handlers.load_post.append(volumes.remember)
     scene.register()
 
 
 def unregister() -> None:
     scene.unregister()
+    bpy.app.handlers.load_post.remove(volumes.remember)
     reload.unregister()
     bpy.types.TOPBAR_MT_file_import.remove(menu_item)
     bpy.utils.unregister_class(IMPORT_SCENE_OT_meniscus_shot)

@@ -7,6 +7,7 @@ the grid holds the file's metres a second unchanged.
 
 import math
 import os
+import re
 from collections.abc import Callable, Iterable
 
 import bpy
@@ -16,6 +17,8 @@ from .material import own
 from .messages import printable
 from .shot import FOG, LEVEL_SET, MAX_SCENE_FRAME, WHITEWATER, VolumeOutput, below
 
+# A file of a sequence.
+NUMBERED = re.compile(r"(.*?)[0-9]+\.vdb")
 NAME = "Smoke"
 STAMP = "meniscus_smoke"
 MIST_NAME, MIST_STAMP = "Mist", "meniscus_mist"
@@ -84,8 +87,27 @@ def show_level_set(made: bpy.types.Object, volume: bpy.types.Object) -> None:
             nodes.set_inputs(modifier, {"Volume": volume})
 
 
-# Modification times [ns] of the files that volumes of this Blender were given, by their absolute paths.
+# Modification times [ns] of the files that volumes of this Blender were given, by their real paths.
 times: dict[str, int] = {}
+
+
+@bpy.app.handlers.persistent
+def remember(*_: object) -> None:
+    """Notes the files of the sequences in the file that was opened: Blender reads them when it draws."""
+    for volume in bpy.data.volumes:
+        folder, name = os.path.split(os.path.realpath(bpy.path.abspath(volume.filepath)))
+        match = NUMBERED.fullmatch(name)
+        if match is None:
+            continue
+        try:
+            with os.scandir(folder) as entries:
+                for entry in entries:
+                    other = NUMBERED.fullmatch(entry.name)
+                    if other is not None and other[1] == match[1]:
+                        times.setdefault(entry.path, entry.stat().st_mtime_ns)
+        except OSError:
+            # Moved or gone: Blender has nothing of it, either.
+            continue
 
 
 def rewritten(output: VolumeOutput, folder: str, frames: Iterable[int]) -> str | None:
@@ -95,7 +117,7 @@ def rewritten(output: VolumeOutput, folder: str, frames: Iterable[int]) -> str |
     """
     is_rewritten = False
     for frame in frames:
-        path = bpy.path.abspath(below(folder, output.path(frame)))
+        path = os.path.realpath(bpy.path.abspath(below(folder, output.path(frame))))
         try:
             time = os.stat(path).st_mtime_ns
         except OSError:

@@ -468,6 +468,12 @@ def check_rewritten(folder: Path, clouds: Path) -> None:
     check(volumes.rewritten(output, str(shot), range(1, FRAME + 1)) is not None, "a file that was rewritten is found")
     bpy.ops.import_scene.meniscus_reload()
     expect("smoke: its files were rewritten, and Blender keeps what it has read of volumes until it is closed")
+    # Also those of a file that was opened, which no import has seen.
+    bpy.ops.wm.save_as_mainfile(filepath=str(clouds / "grown.blend"))
+    volumes.times.clear()
+    bpy.ops.wm.open_mainfile(filepath=str(clouds / "grown.blend"))
+    shutil.copyfile(shot / "volume/smoke_0004.vdb", shot / "volume/smoke_0002.vdb")
+    check(volumes.rewritten(output, str(shot), range(1, FRAME + 1)) is not None, "a file of an opened scene that was rewritten is found")
 
 
 if __name__ == "__main__":
