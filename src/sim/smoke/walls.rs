@@ -120,10 +120,12 @@ impl Walls {
     /// Indices of the solids without a source, which let the air through. A plane needs none, nor does a solid below it.
     pub(super) fn sourceless(&self) -> Vec<usize> {
         let is_bare = |body: &Body| {
-            let sources_in_air = body.motion.is_some() || self.is_sourced(body, 0.0);
+            let is_plane = matches!(body.shape, Shape::Plane { .. });
+            let is_sourced =
+                if body.motion.is_some() { body.has_sources() } else { self.is_sourced(body, 0.0) };
             let is_in_air = body.panels.is_empty()
                 || body.panels.iter().any(|panel| mirror::is_before(panel, self.mirror));
-            !matches!(body.shape, Shape::Plane { .. }) && !(body.has_sources() && sources_in_air) && is_in_air
+            is_in_air && !(is_plane || is_sourced)
         };
         (0..self.bodies.len()).filter(|&number| is_bare(&self.bodies[number])).collect()
     }
