@@ -360,7 +360,7 @@ mod tests {
         assert!((half[0].x / exact - 1.0).abs() < 0.02 && sources.residual < 1e-3, "{half:?} {exact}");
 
         // A cap of 20 cm keeps the air out. One of 2 cm is too flat for sources and shed vorticity, and is reported; the image of the
-        // rest of its ball would be 96 cm high.
+        // rest of its ball would be 98 cm high.
         let (cap, vortons) = (ball(-0.3), Vortons::default());
         let (_, sources) = over_floor(&cap, 0.0, &[]);
         let leak = cap.leaks(Instant { vortons: &vortons, sources: &sources }, 0.0).unwrap();

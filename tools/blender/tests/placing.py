@@ -417,6 +417,29 @@ def check_narrow(folder: Path) -> None:
     check(not any("opening" in note for note in notes), "the tap fits", notes)
 
 
+def check_tension(folder: Path) -> None:
+    """Splashes have the tension that fits the spacing of each quality, taps that of water."""
+    scene = empty(folder)
+    add("pool")
+    data, _ = write(scene, "a pool with the tension of splashes")
+    found = [data["liquid"]["surface_tension"]["coefficient"], *(data["quality"][tier]["liquid"]["surface_tension"]["coefficient"] for tier in ("draft", "preview"))]
+    wanted = [0.5 * 1000 * 9.81 * (part * 0.03) ** 2 for part in (1.0, 2.0, 1.4)]
+    check(np.allclose(found, wanted, rtol=1e-5), "the tension of splashes fits each spacing", found)
+    check(data["liquid"]["implicitness"] == 0.25 and "vorticity" in data["liquid"], "a pool has the terms of splashes", data["liquid"])
+    scene.meniscus.liquid.spacing = 0.3
+    data, notes = write(scene, "a coarse pool")
+    check(data["quality"]["draft"]["liquid"]["surface_tension"]["coefficient"] == 1000, "the tension has a largest value", data["quality"])
+    noted(notes, "Tension of Splashes", "1000 N/m")
+    scene.meniscus.use_splash_tension = False
+    data, _ = write(scene, "a pool with the tension of water")
+    check("surface_tension" not in data["quality"]["draft"]["liquid"], "otherwise the tension is the liquid's", data["quality"])
+    scene = empty(folder / "tap")
+    add("tap")
+    data, _ = write(scene, "a tap")
+    is_water = data["liquid"]["surface_tension"].get("coefficient", 0.072) == 0.072 and "implicitness" not in data["liquid"]
+    check(is_water and "surface_tension" not in data["quality"]["draft"]["liquid"], "a tap has the tension of water", data["liquid"])
+
+
 def stage_placing(folder: Path) -> None:
     check_pins(folder / "pins")
     check_mirrored(folder / "mirrored")
@@ -432,6 +455,7 @@ def stage_placing(folder: Path) -> None:
     check_pivot(folder / "pivot")
     check_far_pivot()
     check_narrow(folder / "narrow")
+    check_tension(folder / "tension")
 
 
 if __name__ == "__main__":

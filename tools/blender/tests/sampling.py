@@ -293,6 +293,7 @@ def check_cancelled_late(folder: Path) -> None:
     finally:
         assets.sync = replace
     check(contents(folder) == before, "and leaves the earlier preset and its meshes", sorted(contents(folder)))
+    check_locked_meanwhile(folder, before)
     for name, age in ((".Collider.pc2.1.tmp", 2 * 86400), (".Collider.ply.1.tmp", 60), ("..Mine.1.tmp", 2 * 86400)):
         path = folder / "meniscus" / "assets" / name
         path.write_bytes(b"part")
@@ -306,6 +307,22 @@ def check_cancelled_late(folder: Path) -> None:
     changed = {path for path in after if after[path] != before.get(path)}
     is_right = changed == {"assets/Collider.pc2", "assets/Collider.ply"} and after.keys() == before.keys()
     check(is_right, "then only files that differ are written", changed)
+
+
+def check_locked_meanwhile(folder: Path, before: dict[str, tuple[int, bytes]]) -> None:
+    """Files of a preset are not replaced under a job that another Blender has started since."""
+    run, steps = scene_module("run"), scene_module("preset").writing(bpy.context)
+    next(steps)
+    is_locked, run.is_locked = run.is_locked, lambda _path: True
+    try:
+        for _ in steps:
+            pass
+        check(False, "a job that has started meanwhile is found")
+    except scene_module("preset").ShotError as error:
+        check("a job is running in this folder" in str(error), "a job that has started meanwhile is found", error)
+    finally:
+        run.is_locked = is_locked
+    check(contents(folder) == before, "and its files stay", sorted(contents(folder)))
 
 
 def contents(folder: Path) -> dict[str, tuple[int, bytes]]:

@@ -2,12 +2,11 @@
 """The buttons: each writes what it needs and starts a job of the engine. In a window, none blocks Blender."""
 
 import time
-from pathlib import Path
 
 import bpy
 from bpy.props import BoolProperty
 
-from ..messages import ShotError, printable
+from ..messages import ShotError
 from . import engine, places, preset, run, session, settings
 from .names import QUALITIES
 from .sampling import PresetOperator, Sampling, has_window
@@ -15,12 +14,6 @@ from .toml import inline
 
 WAIT_SECONDS = 0.05
 SAMPLING = "A preset is being written. Esc cancels"
-
-
-def check_free(root: Path) -> None:
-    """Raises ShotError while a job of any Blender reads the files of a folder."""
-    if run.is_locked(root / run.RUN):
-        raise ShotError(f"{printable(root)}: a job is running in this folder. Pause it, or wait for its end")
 
 
 class JobOperator:
@@ -47,7 +40,7 @@ class JobOperator:
         """Starts an action that uses the preset as it was written last."""
         try:
             root = places.folder_of(context.scene)
-            check_free(root)
+            run.check_free(root)
             earlier, frames, products = session.job_of(context.scene), scene_frames(context.scene), set()
             if action == "resume" and earlier is not None:
                 # The preset has the frames of that job, not those that the scene has now.
@@ -92,7 +85,6 @@ class WritingJobOperator(PresetOperator, JobOperator):
 
     def prepare(self, context: bpy.types.Context) -> None:
         engine.find()
-        check_free(places.folder_of(context.scene))
 
     def finish(self, context: bpy.types.Context, written: preset.Written) -> set[str]:
         for note in written.notes:
@@ -201,9 +193,6 @@ class MENISCUS_OT_write(PresetOperator, bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return JobOperator.poll.__func__(cls, context)
-
-    def prepare(self, context: bpy.types.Context) -> None:
-        check_free(places.folder_of(context.scene))
 
     def finish(self, context: bpy.types.Context, written: preset.Written) -> set[str]:
         for note in written.notes:

@@ -15,7 +15,7 @@ from . import assets, identity, joints, poses, sample, schema, settings, spacing
 from .names import QUALITIES, Names
 from .places import blend_from, check_owner, folder_of
 from .roles import OF_SMOKE
-from .run import SHEETS, SOLIDS, SURFACES, VOLUMES, WHITEWATER
+from .run import SHEETS, SOLIDS, SURFACES, VOLUMES, WHITEWATER, check_free
 from .sample import Sampled
 from .shapes import Placed, Shaper
 from .toml import Document, Table
@@ -99,6 +99,7 @@ def writing(context: bpy.types.Context, takes_over: bool = False) -> Steps:
     sources = sample.takes_part(context, notes)
     root = folder_of(context.scene)
     check_owner(context.scene, root, takes_over)
+    check_free(root)
     folder = assets.Folder(root)
     folder.check_preset()
     scene, camera = context.scene, context.scene.camera
@@ -112,6 +113,8 @@ def writing(context: bpy.types.Context, takes_over: bool = False) -> Steps:
         yield from labelled(folder.stage(), WRITING, is_reading=False)
         identity.mark(sampled, identity.Sources(root))
         owner = {"blend": blend_from(root), "scene": scene.name, "session": identity.session}
+        # Another Blender may have started a job meanwhile, which reads the files.
+        check_free(root)
         path, removed = folder.finish(text, owner | {"objects": identity.entries(sampled)})
     finally:
         folder.discard()

@@ -269,6 +269,12 @@ class Job:
         assets.write(self.folder / "stop", b"")
 
 
+def check_free(root: Path) -> None:
+    """Raises ShotError while a job of any Blender reads the files of a folder."""
+    if is_locked(root / RUN):
+        raise ShotError(f"{printable(root)}: a job is running in this folder. Pause it, or wait for its end")
+
+
 def is_locked(folder: Path) -> bool:
     """Whether a process holds the lock of a folder; a file alone, or a number of a process in it, proves nothing."""
     path = folder / "lock"
