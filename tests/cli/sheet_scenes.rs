@@ -229,8 +229,8 @@ fn presets_as_written_keep_points_and_faces_out_of_solids() {
     };
     let meant: Vec<&str> = names.filter(|name| has(name) == [true, true, false]).collect();
     assert!(meant.len() >= 5, "{meant:?}");
-    // These two take a minute as written and are left to the soak; their drafts are tested above and below.
-    let is_long = |name: &str| ["falling-sheets", "cloth-over-ellipsoid"].contains(&name);
+    // These take up to a minute as written and are left to the soak; their drafts are tested above and below.
+    let is_long = |name: &str| ["falling-sheets", "cloth-over-ellipsoid", "tablecloth"].contains(&name);
     for name in meant.into_iter().filter(|name| super::is_soak() || !is_long(name)) {
         desk.run(&format!("shot {name} -o {name}"), 0);
         let (text, _) = desk.run(&format!("info {name} --json"), 0);

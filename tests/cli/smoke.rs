@@ -191,8 +191,16 @@ fn a_shot_that_is_resumed_or_run_on_other_threads_has_the_same_bytes() {
 fn every_built_in_shot_of_smoke_runs() {
     let desk = Desk::new();
     // Without the long studies, one of rings and one with everything that smoke can meet.
-    let names = ["plume", "smoke-ring", "colliding-rings", "leapfrog-rings", "smoke-over-sphere"];
-    for name in names.into_iter().take(if super::is_soak() { 5 } else { 2 }) {
+    let names = [
+        "plume",
+        "smoke-ring",
+        "colliding-rings",
+        "leapfrog-rings",
+        "ring-through-arch",
+        "smoke-over-bear",
+        "smoke-over-sphere",
+    ];
+    for name in names.into_iter().take(if super::is_soak() { 7 } else { 2 }) {
         let (out, _) = desk.run(&format!("shot {name} --quality draft --frames 1-2"), 0);
         assert!(out.contains("2 volumes written"), "{out}");
         desk.run(&format!("verify {name}-draft"), 0);

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Renders one frame of a shot folder with Cycles on the CPU: water on a tiled base in a light studio, smoke before the dark.
+"""Renders frames of a shot folder with Cycles on the CPU: water on a tiled base in a light studio, smoke before the dark.
 
     python tools/blender/render.py SHOT_DIR --frame N -o picture.png [--samples 64] [--size 1280x720]
+    python tools/blender/render.py SHOT_DIR --frame 1-72x2 -o pictures/####.png       # for loop.py; what is there is not rendered again
 
 The interpreter needs bpy (4.5 to 5.2) and numpy. Water and colliders are what the extension imports; base and lights are
 set up around the bounding box of the meshes over the sequence, and so is the camera unless the shot has one: every frame is seen
@@ -10,6 +11,7 @@ from the same place. Options turn the view (--azimuth, --elevation), switch moti
 
 import argparse
 import os
+import re
 import sys
 import traceback
 from math import cos, radians, sin
@@ -249,7 +251,6 @@ def set_render(given: argparse.Namespace) -> None:
     width, height = given.size
     render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
     render.image_settings.file_format = "PNG"
-    render.filepath = str(given.output.resolve())
     render.use_motion_blur = not given.sharp
     cycles.samples, cycles.use_adaptive_sampling, cycles.adaptive_threshold = given.samples, True, 0.02
     cycles.max_bounces, cycles.transmission_bounces, cycles.glossy_bounces = 16, 16, 8
@@ -274,22 +275,48 @@ def picture(given: argparse.Namespace) -> None:
     solids = [solid for solid in scene.objects if SHAPE in solid]
     shown = bpy.context.object
     frames = range(scene.frame_start, scene.frame_end + 1)
-    if given.frame not in frames:
-        raise SystemExit(f"frame {given.frame} is not in the shot, which has {frames[0]} to {frames[-1]}")
+    absent = [frame for frame in given.frame if frame not in frames]
+    if absent:
+        raise SystemExit(f"frame {absent[0]} is not in the shot, which has {frames[0]} to {frames[-1]}")
     if shown.type == "VOLUME":
         low, high = smoke_box(shown, frames)
         add_night(low, high, given)
     else:
-        looked_at = range(given.frame, given.frame + 1) if given.close else frames
+        looked_at = range(given.frame[0], given.frame[-1] + 1) if given.close else frames
         low, high = water_box([shown for shown in all_shown if shown.type == "MESH"], looked_at)
         add_stage(low, high, solids)
         add_lights(low, high)
     set_render(given)
     add_camera(low, high, given, read_shot(given.shot).camera)
-    scene.frame_set(given.frame)
+    scene.frame_set(given.frame[0])
     if given.blend:
         bpy.ops.wm.save_as_mainfile(filepath=str(given.blend.resolve()))
-    bpy.ops.render.render(write_still=True)
+    for frame in given.frame:
+        output = picture_of(given.output, frame).resolve()
+        if len(given.frame) > 1 and output.exists():
+            continue
+        # Under its own name only when it is complete, as the next run takes it for finished.
+        scene.frame_set(frame)
+        scene.render.filepath = str(output.with_name(f".{output.name}"))
+        bpy.ops.render.render(write_still=True)
+        os.replace(scene.render.filepath, output)
+
+
+def picture_of(pattern: Path, frame: int) -> Path:
+    """The file of a frame: its number stands in place of #, as wide as there are of them."""
+    return pattern.with_name(re.sub("#+", lambda found: f"{frame:0{len(found[0])}}", pattern.name))
+
+
+def frames_of(text: str) -> list[int]:
+    """The frames of `40`, `1-72` or `1-72x2`; after a ValueError argparse prints the text."""
+    found = re.fullmatch(r"(\d+)(?:-(\d+)(?:x(\d+))?)?", text)
+    if not found:
+        raise ValueError(text)
+    first, last, step = (int(part) if part else None for part in found.groups())
+    chosen = list(range(first, (first if last is None else last) + 1, 1 if step is None else step))
+    if not chosen:
+        raise ValueError(text)
+    return chosen
 
 
 def frame_size(text: str) -> tuple[int, int]:
@@ -309,8 +336,8 @@ def ball_of(text: str) -> tuple[float, ...]:
 def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("shot", type=Path, help="shot folder")
-    parser.add_argument("--frame", type=int, required=True)
-    parser.add_argument("-o", "--output", type=Path, required=True, help="PNG to write")
+    parser.add_argument("--frame", type=frames_of, required=True, metavar="FRAMES", help="`40`, `1-72`, or every second, `1-72x2`")
+    parser.add_argument("-o", "--output", type=Path, required=True, help="PNG to write; # stands for the digits of the frame")
     parser.add_argument("--samples", type=int, default=64)
     parser.add_argument("--size", type=frame_size, default=(1280, 720), help="WIDTHxHEIGHT")
     parser.add_argument("--azimuth", type=float, help=f"degrees around Z from the front (-Y); else the shot's camera, or {AZIMUTH:g}")
@@ -321,7 +348,10 @@ def arguments() -> argparse.Namespace:
     ball = {"type": ball_of, "action": "append", "default": [], "metavar": "X,Y,Z,R"}
     parser.add_argument("--ball", **ball, help="a ball in the smoke; may be repeated")
     parser.add_argument("--blend", type=Path, help="also save the scene")
-    return parser.parse_args()
+    chosen = parser.parse_args()
+    if len(chosen.frame) > 1 and "#" not in chosen.output.name:
+        parser.error(f"--output: found {chosen.output.name} for {len(chosen.frame)} frames, expected a # for their number, as in ####.png")
+    return chosen
 
 
 if __name__ == "__main__":

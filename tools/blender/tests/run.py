@@ -178,7 +178,7 @@ def main() -> int:
         synthetic.write_sheet(work / "sheet")
         tally.stage("sheet", [work / "sheet"], user)
         tally.stage("sheets", [work / "sheets"], user)
-        for name in ("colliders", "deforming", "startup", "floors", "studio", "motions"):
+        for name in ("colliders", "deforming", "startup", "floors", "studio", "pictures", "motions"):
             tally.stage(name, [work / name], user, "solids.py")
         tally.stage("hostile", [work / "hostile"], user, "hostile.py")
         (work / "reload").mkdir()

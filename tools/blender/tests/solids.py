@@ -5,6 +5,8 @@ Poses are compared with the motion files by quaternion arithmetic of their own.
 """
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import bpy
@@ -354,6 +356,29 @@ def in_picture(*shown: bpy.types.Object) -> float:
     x, y = np.array([p.x for p in places]), np.array([p.y for p in places])
     inside = min(x.min(), y.min()) >= 0.0 and max(x.max(), y.max()) <= 1.0
     return max(float(np.ptp(x)), float(np.ptp(y))) if inside else 2.0
+
+
+def stage_pictures(work: Path) -> None:
+    """render.py renders the frames that are requested; complete pictures are kept."""
+    shot = synthetic.write_shot(work / "shot").parent
+    (work / "pictures").mkdir()
+    pattern = work / "pictures" / "##.png"
+
+    def render(frames: str, pattern: Path) -> subprocess.CompletedProcess:
+        given = [shot, "--frame", frames, "-o", pattern, "--samples", 1, "--size", "32x18", "--sharp"]
+        command = [sys.executable, Path(__file__).resolve().parent.parent / "render.py", *given]
+        return subprocess.run(list(map(str, command)), capture_output=True, text=True)
+
+    first, kept = pattern.with_name("01.png"), b"not a picture"
+    first.write_bytes(kept)
+    done = render("1-5x4", pattern)
+    names = sorted(file.name for file in first.parent.iterdir())
+    check(done.returncode == 0 and names == ["01.png", "05.png"], "two of five frames are rendered", f"{names}: {done.stderr}")
+    check(first.read_bytes() == kept, "a picture that is there is kept")
+    check(pattern.with_name("05.png").read_bytes()[:4] == b"\x89PNG", "a picture is a PNG")
+    for frames, output, wanted in (("1-9", pattern, "frame 6 is not in the shot"), ("1-2", first, "expected a #"), ("5-1", pattern, "5-1")):
+        done = render(frames, output)
+        check(done.returncode != 0 and wanted in done.stderr, f"frames {frames} in {output.name} are refused", done.stderr)
 
 
 def stage_motions(work: Path) -> None:
