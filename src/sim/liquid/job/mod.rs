@@ -3,6 +3,7 @@
 pub(crate) mod check;
 mod flow;
 mod forecast;
+mod held;
 mod report;
 mod tradeoff;
 mod volume;
@@ -123,8 +124,8 @@ impl System for Liquid {
     }
 
     fn shot_warnings(&self, scene: &Scene, frames: &[(FrameIndex, FrameRecord)]) -> Vec<String> {
-        let liquid = scene.liquid.as_ref();
-        liquid.and_then(|liquid| volume::warning(liquid, frames)).into_iter().collect()
+        let Some(liquid) = &scene.liquid else { return Vec::new() };
+        volume::warning(liquid, frames).into_iter().chain(held::warning(liquid, frames)).collect()
     }
 
     fn plotted(&self, record: &FrameRecord) -> Vec<PlottedFigure> {

@@ -1,5 +1,6 @@
 //! The warning that a liquid has changed its volume.
 
+use super::held;
 use crate::{
     frame::FrameIndex,
     sim::{
@@ -32,12 +33,12 @@ pub(super) fn warning(liquid: &LiquidParams, frames: &[(FrameIndex, FrameRecord)
     } else {
         format!(", and by more than {:.0} % from frame {first} on", 100.0 * MAX_VOLUME_CHANGE)
     };
-    let cause = if change < 0.0 { why_lost(liquid, &records) } else { why_gained(liquid) };
+    let cause = if change < 0.0 { why_lost(liquid, &records) } else { why_gained(liquid, &records) };
     Some(format!("the liquid's volume is off by {:+.1} % in frame {frame}{since}: {cause}", 100.0 * change))
 }
 
 /// Why a liquid gains volume, and what to do.
-fn why_gained(liquid: &LiquidParams) -> String {
+fn why_gained(liquid: &LiquidParams, records: &[(FrameIndex, &LiquidRecord)]) -> String {
     let pressure = liquid.artificial_pressure.as_ref().filter(|pressure| pressure.strength > 0.0);
     if let Some(pressure) = pressure {
         return format!(
@@ -45,6 +46,13 @@ fn why_gained(liquid: &LiquidParams) -> String {
              ({}) or remove the table",
             pressure.strength
         );
+    }
+    if let Some(why) = why_capped(liquid, records) {
+        return why;
+    }
+    if held::is_held(records.iter().map(|(_, record)| *record)) {
+        let substeps = liquid.min_substeps;
+        return format!("the solver adds energy in long substeps; raise liquid.min_substeps ({substeps})");
     }
     match liquid.constraint {
         Constraint::Compression => {
@@ -64,16 +72,24 @@ fn why_gained(liquid: &LiquidParams) -> String {
     }
 }
 
+/// What substeps do that are longer than they may be, if there are any.
+fn why_capped(liquid: &LiquidParams, records: &[(FrameIndex, &LiquidRecord)]) -> Option<String> {
+    let limit = if liquid.surface_tension.is_some() { "liquid.cfl or surface tension" } else { "liquid.cfl" };
+    let is_capped = records.iter().any(|(_, record)| record.cfl_capped > 0);
+    is_capped.then(|| {
+        format!(
+            "substeps were longer than {limit} allows; raise liquid.max_substeps ({})",
+            liquid.max_substeps
+        )
+    })
+}
+
 /// Why a liquid loses volume, and what to do.
 fn why_lost(liquid: &LiquidParams, records: &[(FrameIndex, &LiquidRecord)]) -> String {
-    let any = |count: fn(&LiquidRecord) -> u32| records.iter().any(|(_, record)| count(record) > 0);
-    if any(|record| record.cfl_capped) {
-        return format!(
-            "substeps were longer than liquid.cfl allows; raise liquid.max_substeps ({})",
-            liquid.max_substeps
-        );
+    if let Some(why) = why_capped(liquid, records) {
+        return why;
     }
-    if any(|record| record.unconverged) || liquid.iterations.is_some() {
+    if records.iter().any(|(_, record)| record.unconverged > 0) || liquid.iterations.is_some() {
         return more_iterations(liquid);
     }
     match liquid.density_dev {
@@ -166,8 +182,14 @@ mod tests {
             let text = warned(change, frames);
             assert!(text.contains(word) && !text.contains("error"), "{word}: {text}");
         }
-        let capped = frames(&[-0.1], |record| record.cfl_capped = 1);
-        assert!(warned(none, &capped).contains("liquid.max_substeps (100)"));
+        for change in [0.1, -0.1] {
+            let capped = frames(&[change], |record| record.cfl_capped = 1);
+            assert!(warned(none, &capped).contains("cfl allows; raise liquid.max_substeps (100)"));
+            let tension = |l: &mut LiquidParams| l.surface_tension = Some(SurfaceTension::default());
+            assert!(warned(tension, &capped).contains("surface tension allows"));
+        }
+        let held = frames(&[0.1], |record| (record.substeps, record.clamps.energy) = (10, 5));
+        assert!(warned(none, &held).contains("liquid.min_substeps (8)"));
         let unconverged = frames(&[-0.1], |record| record.unconverged = 1);
         assert!(warned(none, &unconverged).contains("liquid.max_iterations (60)"));
     }
