@@ -5,7 +5,7 @@
     tools/bench/gallery.py dam-break --tiers draft,preview
     tools/bench/gallery.py smoke-ring --tiers draft --frames 1-4
     tools/bench/gallery.py --keep shots           leaves the shots there, to render pictures from
-    tools/bench/gallery.py --large figure-drop    with about a million particles, an hour or more each
+    tools/bench/gallery.py --large figure-drop    with about a million particles, half an hour or more each
 
 Needs the release binary, Python's standard library, and a machine that does nothing else.
 """

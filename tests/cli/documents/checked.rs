@@ -72,7 +72,7 @@ pub(super) const CHECKED: &[Checked] = &[
         "meniscus shot figure-drop",
         1,
         Check::DryRun,
-        "simulates a million particles: an hour",
+        "simulates a million particles: half an hour",
     ),
     checked("docs/liquid.md", "meniscus shot dam-break", 2, Check::DryRun, AS_WRITTEN),
     checked("docs/paper.md", "tools/bench/", 2, Check::Script, BENCH),
