@@ -64,6 +64,10 @@ pub(crate) fn supervised(
     }
 }
 
+/// More than any allocation that the C library serves from memory which it has already, as it does up to 32 MiB: stacks are always new memory
+/// [bytes].
+const FROM_THE_SYSTEM: u64 = 33 << 20;
+
 /// The result of a job, or the outcome of its panic.
 fn without_unwinding(job: impl FnOnce() -> Option<Outcome>) -> Option<Outcome> {
     catch_unwind(AssertUnwindSafe(job))
@@ -83,7 +87,7 @@ pub(crate) fn on_threads<R: Send>(
 fn threads_refused(threads: usize, error: impl Display) -> Failure {
     let count = if threads == 0 { thread::available_parallelism().map_or(1, usize::from) } else { threads };
     // Twice the stacks: the system needs some memory around them, and other threads may have freed some since.
-    if !is_granted(2 * count as u64 * STACK) {
+    if !is_granted((2 * count as u64 * STACK).max(FROM_THE_SYSTEM)) {
         let text = format!(
             "the system refused memory for {count} threads ({error}): pass fewer, or allow more (`ulimit -v`)"
         );
