@@ -20,7 +20,10 @@ QUALITIES = range(1, 96)
 def encoded(pictures: list[Image.Image], fps: float, quality: int) -> bytes:
     """The loop as bytes."""
     held = io.BytesIO()
-    rest = {"save_all": True, "append_images": pictures[1:], "duration": round(1000 / fps), "loop": 0}
+    # Milliseconds, whose sum keeps to the clock.
+    ends = [round(i * 1000 / fps) for i in range(len(pictures) + 1)]
+    durations = [end - start for start, end in zip(ends, ends[1:])]
+    rest = {"save_all": True, "append_images": pictures[1:], "duration": durations, "loop": 0}
     pictures[0].save(held, "WEBP", quality=quality, method=6, **rest)
     return held.getvalue()
 
@@ -33,10 +36,14 @@ def main() -> int:
     parser.add_argument("--fps", type=float, default=24.0)
     parser.add_argument("--bytes", type=int, default=1_000_000, help="largest file")
     given = parser.parse_args()
+    if not (given.fps > 0 and given.width >= 4):
+        parser.error(f"found --fps {given.fps} and --width {given.width}, expected more than 0 and at least 4")
     pictures = []
     for path in given.pictures:
         with Image.open(path) as picture:
             height = round(given.width * picture.height / picture.width)
+            if pictures and pictures[0].height != height:
+                parser.error(f"{path}: found another shape than that of {given.pictures[0]}, expected one size")
             pictures.append(picture.convert("RGB").resize((given.width, height), Image.Resampling.LANCZOS))
     best, low, high = None, QUALITIES[0], QUALITIES[-1]
     while low <= high:

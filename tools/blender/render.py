@@ -2,7 +2,7 @@
 """Renders frames of a shot folder with Cycles on the CPU: water on a tiled base in a light studio, smoke before the dark.
 
     python tools/blender/render.py SHOT_DIR --frame N -o picture.png [--samples 64] [--size 1280x720]
-    python tools/blender/render.py SHOT_DIR --frame 1-72x2 -o pictures/####.png       # for loop.py; what is there is not rendered again
+    python tools/blender/render.py SHOT_DIR --frame 1-72x2 -o pictures/####.png       # for loop.py; of several frames, those that are there are kept
 
 The interpreter needs bpy (4.5 to 5.2) and numpy. Water and colliders are what the extension imports; base and lights are
 set up around the bounding box of the meshes over the sequence, and so is the camera unless the shot has one: every frame is seen
@@ -267,7 +267,7 @@ def set_render(given: argparse.Namespace) -> None:
 
 
 def picture(given: argparse.Namespace) -> None:
-    """Builds the scene and renders the frame."""
+    """Builds the scene and renders the frames."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     meniscus.register()
     bpy.ops.import_scene.meniscus_shot(filepath=str(given.shot), path_mode="ABSOLUTE", studio=False)
@@ -294,6 +294,7 @@ def picture(given: argparse.Namespace) -> None:
     for frame in given.frame:
         output = picture_of(given.output, frame).resolve()
         if len(given.frame) > 1 and output.exists():
+            print(f"{output}: exists, not rendered again")
             continue
         # Under its own name only when it is complete, as the next run takes it for finished.
         scene.frame_set(frame)
@@ -342,7 +343,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--size", type=frame_size, default=(1280, 720), help="WIDTHxHEIGHT")
     parser.add_argument("--azimuth", type=float, help=f"degrees around Z from the front (-Y); else the shot's camera, or {AZIMUTH:g}")
     parser.add_argument("--elevation", type=float, help=f"degrees above the horizon; else the shot's camera, or {ELEVATION:g}")
-    near = "as near as this frame allows, not the whole shot; for surfaces and sheets"
+    near = "as near as the frames allow, not the whole shot; for surfaces and sheets"
     parser.add_argument("--close", action="store_true", help=near)
     parser.add_argument("--sharp", action="store_true", help="no motion blur")
     ball = {"type": ball_of, "action": "append", "default": [], "metavar": "X,Y,Z,R"}
@@ -351,6 +352,8 @@ def arguments() -> argparse.Namespace:
     chosen = parser.parse_args()
     if len(chosen.frame) > 1 and "#" not in chosen.output.name:
         parser.error(f"--output: found {chosen.output.name} for {len(chosen.frame)} frames, expected a # for their number, as in ####.png")
+    if chosen.output.suffix.lower() != ".png":
+        parser.error(f"--output: found {chosen.output.name}, expected a name that ends in .png")
     return chosen
 
 

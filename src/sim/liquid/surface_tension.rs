@@ -67,9 +67,9 @@ const WETTING: [f32; 2] = [1.33, 0.45];
 const DIFFERENCE_STEP: f32 = 0.05;
 
 /// Longest substep over the capillary time √(ρ Δx³/(2πσ)) of [brackbill92] with a `kernel_radius` of at most 2.2, and with 2.5; linear
-/// between. Beyond the first the arrangement of particles is unstable: at 0.4 water at rest moves by 79 mm/s and is 1.4 % too large.
-/// With the second a drop at rest has 14 times the kinetic energy of one at 0.35, where particles keep their arrangement and threads do not
-/// break up (docs/decisions/041).
+/// between. Beyond the first the arrangement of particles is unstable: at 0.4 and a radius of 2 water at rest moves by 79 mm/s and swells by
+/// 7 % (docs/decisions/041). With a radius of 2.5, a drop at rest has 14 times the kinetic energy at 0.4 that it has at 0.35, where particles
+/// keep their arrangement and threads do not break up (docs/decisions/019).
 const CAPILLARY_STEP: [f64; 2] = [0.19, 0.4];
 
 /// The kernel radii to which they belong.

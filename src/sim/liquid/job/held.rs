@@ -1,5 +1,6 @@
 //! The warning that energy was removed from a liquid.
 
+use super::volume::why_capped;
 use crate::{
     frame::FrameIndex,
     sim::{
@@ -22,11 +23,15 @@ pub(super) fn is_held<'a>(records: impl IntoIterator<Item = &'a LiquidRecord>) -
 pub(super) fn warning(liquid: &LiquidParams, frames: &[(FrameIndex, FrameRecord)]) -> Option<String> {
     let records = || frames.iter().filter_map(|(_, record)| record.liquid.as_ref());
     let [held, substeps] = count(records());
+    let remedy = || {
+        why_capped(liquid, records())
+            .unwrap_or_else(|| format!("raise liquid.min_substeps ({})", liquid.min_substeps))
+    };
     is_held(records()).then(|| {
         format!(
             "in {held} of {substeps} substeps energy that the solver had added was taken from the velocities: the liquid is slower than it \
-             should be; raise liquid.min_substeps ({})",
-            liquid.min_substeps
+             should be; {}",
+            remedy()
         )
     })
 }
@@ -58,6 +63,10 @@ mod tests {
         }
         let text = warning(&liquid, &frames(&[3, 1, 0])).expect("4 of 30 are more than a tenth");
         assert!(text.starts_with("in 4 of 30 substeps") && text.contains("min_substeps (8)"), "{text}");
+        let mut capped = frames(&[3, 1, 0]);
+        capped[0].1.liquid.as_mut().expect("it has a liquid").cfl_capped = 1;
+        let text = warning(&liquid, &capped).expect("4 of 30 are more than a tenth");
+        assert!(text.contains("max_substeps (100)") && !text.contains("min_substeps"), "{text}");
         assert_eq!(warning(&liquid, &[(FrameIndex(2), FrameRecord::default())]), None);
     }
 }

@@ -47,7 +47,7 @@ fn why_gained(liquid: &LiquidParams, records: &[(FrameIndex, &LiquidRecord)]) ->
             pressure.strength
         );
     }
-    if let Some(why) = why_capped(liquid, records) {
+    if let Some(why) = why_capped(liquid, records.iter().map(|(_, record)| *record)) {
         return why;
     }
     if held::is_held(records.iter().map(|(_, record)| *record)) {
@@ -73,9 +73,12 @@ fn why_gained(liquid: &LiquidParams, records: &[(FrameIndex, &LiquidRecord)]) ->
 }
 
 /// What substeps do that are longer than they may be, if there are any.
-fn why_capped(liquid: &LiquidParams, records: &[(FrameIndex, &LiquidRecord)]) -> Option<String> {
+pub(super) fn why_capped<'a>(
+    liquid: &LiquidParams,
+    records: impl IntoIterator<Item = &'a LiquidRecord>,
+) -> Option<String> {
     let limit = if liquid.surface_tension.is_some() { "liquid.cfl or surface tension" } else { "liquid.cfl" };
-    let is_capped = records.iter().any(|(_, record)| record.cfl_capped > 0);
+    let is_capped = records.into_iter().any(|record| record.cfl_capped > 0);
     is_capped.then(|| {
         format!(
             "substeps were longer than {limit} allows; raise liquid.max_substeps ({})",
@@ -86,7 +89,7 @@ fn why_capped(liquid: &LiquidParams, records: &[(FrameIndex, &LiquidRecord)]) ->
 
 /// Why a liquid loses volume, and what to do.
 fn why_lost(liquid: &LiquidParams, records: &[(FrameIndex, &LiquidRecord)]) -> String {
-    if let Some(why) = why_capped(liquid, records) {
+    if let Some(why) = why_capped(liquid, records.iter().map(|(_, record)| *record)) {
         return why;
     }
     if records.iter().any(|(_, record)| record.unconverged > 0) || liquid.iterations.is_some() {
