@@ -1,6 +1,6 @@
 //! The warning that energy was removed from a liquid.
 
-use super::volume::why_capped;
+use super::capped::why_capped;
 use crate::{
     frame::FrameIndex,
     sim::{

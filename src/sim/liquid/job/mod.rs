@@ -1,5 +1,6 @@
 //! The liquid as jobs see it.
 
+mod capped;
 pub(crate) mod check;
 mod flow;
 mod forecast;

@@ -1,6 +1,6 @@
 //! The warning that a liquid has changed its volume.
 
-use super::held;
+use super::{capped::why_capped, held};
 use crate::{
     frame::FrameIndex,
     sim::{
@@ -70,21 +70,6 @@ fn why_gained(liquid: &LiquidParams, records: &[(FrameIndex, &LiquidRecord)]) ->
         }
         Constraint::Equality => more_iterations(liquid),
     }
-}
-
-/// What substeps do that are longer than they may be, if there are any.
-pub(super) fn why_capped<'a>(
-    liquid: &LiquidParams,
-    records: impl IntoIterator<Item = &'a LiquidRecord>,
-) -> Option<String> {
-    let limit = if liquid.surface_tension.is_some() { "liquid.cfl or surface tension" } else { "liquid.cfl" };
-    let is_capped = records.into_iter().any(|record| record.cfl_capped > 0);
-    is_capped.then(|| {
-        format!(
-            "substeps were longer than {limit} allows; raise liquid.max_substeps ({})",
-            liquid.max_substeps
-        )
-    })
 }
 
 /// Why a liquid loses volume, and what to do.
