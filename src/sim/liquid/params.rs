@@ -49,7 +49,7 @@ pub struct LiquidParams {
     /// at 20 ms a substep, and hardly at 5 ms. Range: 1 to 10000.
     #[serde(default = "defaults::min_substeps")]
     pub min_substeps: u32,
-    /// Most substeps of a frame; if the CFL rule needs more, the frame's record counts them in `cfl_capped`.
+    /// Most substeps of a frame; if the CFL rule or the surface tension needs more, the frame's record counts them in `cfl_capped`.
     /// Range: 1 to 10000.
     #[serde(default = "defaults::max_substeps")]
     pub max_substeps: u32,

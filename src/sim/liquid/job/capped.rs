@@ -2,7 +2,7 @@
 
 use crate::sim::liquid::{LiquidParams, LiquidRecord};
 
-/// What substeps do that are longer than they may be, if there are any.
+/// That substeps were longer than they may be, and what to raise; none if they were not.
 pub(super) fn why_capped<'a>(
     liquid: &LiquidParams,
     records: impl IntoIterator<Item = &'a LiquidRecord>,
