@@ -14,6 +14,12 @@ fn two_sources(channels: &str) -> String {
     SMALL.replace("[output]", second).replace("[liquid]", &format!("[liquid]\n{channels}"))
 }
 
+/// The same with viscosities of 2 and 300 Pa·s.
+fn two_viscosities(channels: &str) -> String {
+    let table = "[liquid.viscosity]\ndynamic = \"2 Pa·s\"\n\n[[liquid.source]]\nviscosity = \"300 Pa·s\"\nshape = { box = { min = [1.2";
+    two_sources(channels).replace("[[liquid.source]]\nshape = { box = { min = [1.2", table)
+}
+
 fn frame(desk: &Desk, shot: &str, number: u32) -> Frame {
     cache::read_frame(&desk.path(&format!("{shot}/cache/frame_{number:04}.mcf"))).unwrap().0
 }
@@ -80,4 +86,44 @@ fn age_and_source_are_transferred_where_they_are_named_and_nowhere_else() {
     // A cache without them cannot give them; the message has the remedy.
     let (_, talk) = desk.run(&format!("mesh plain {attributes}"), 2);
     assert!(talk.contains("liquid.channels") && talk.contains("simulated again"), "{talk}");
+}
+
+#[test]
+fn each_source_keeps_its_viscosity_and_gives_it_to_the_surface() {
+    let desk = Desk::new();
+    desk.write("plain.toml", two_viscosities(""));
+    desk.write("kept.toml", two_viscosities("channels = [\"viscosity\"]"));
+    desk.run("simulate plain.toml", 0);
+    desk.run("simulate kept.toml --frames 1-2", 0);
+    desk.run("simulate kept.toml", 0);
+    let [plain, kept] = ["plain", "kept"].map(|shot| frame(&desk, shot, 5));
+    let [plain, kept] = [&plain, &kept].map(|frame| &frame.streams[0]);
+    // A resumed shot needs the source of each particle.
+    assert!(plain.u32("source").is_some() && plain.f32("viscosity").is_none());
+    assert!(plain.vec3("position") == kept.vec3("position"), "a channel moves no particle");
+    let of_source = |&source: &u32| [2.0, 300.0][source as usize];
+    let expected: Vec<f32> = kept.u32("source").unwrap().iter().map(of_source).collect();
+    assert_eq!(kept.f32("viscosity").unwrap(), expected);
+    assert!(expected.contains(&2.0) && expected.contains(&300.0));
+
+    desk.run("mesh kept --set surface.attributes=[\"viscosity\"] --frames 1,5", 0);
+    let path = desk.path("kept/mesh/liquid_0005.ply");
+    let ply = Parser::<DefaultElement>::new().read_ply(&mut fs::File::open(path).unwrap()).unwrap();
+    let values = ply.payload["vertex"].iter().map(|vertex| match vertex["viscosity"] {
+        Property::Float(value) => value,
+        ref other => panic!("{other:?}"),
+    });
+    let [thinnest, thickest] =
+        values.fold([f32::INFINITY, 0.0_f32], |[low, high], value| [low.min(value), high.max(value)]);
+    assert!((thinnest - 2.0).abs() < 1e-3 && (thickest - 300.0).abs() < 1e-1, "{thinnest} to {thickest}");
+
+    // A branch may change the viscosity of a source, and nothing else of it.
+    desk.run("shot kept --from 3 -o thin --set liquid.source.1.viscosity=5", 0);
+    assert_ne!(frame(&desk, "thin", 5).streams[0].vec3("position"), kept.vec3("position"));
+    let (_, message) = desk.run("shot kept --from 3 -o moved --set liquid.source.1.velocity=[1,0,0]", 2);
+    assert!(message.contains("liquid.source.1.velocity"), "{message}");
+    desk.write("uniform.toml", two_sources("viscosity = { dynamic = 2 }"));
+    desk.run("simulate uniform.toml", 0);
+    let (_, message) = desk.run("shot uniform --from 3 -o own --set liquid.source.1.viscosity=5", 2);
+    assert!(message.contains("source") && message.contains("simulate it from its start"), "{message}");
 }

@@ -140,16 +140,7 @@ fn couette(depth: f64, speed: f64, z: f64, nu: f64, t: f64) -> f64 {
 #[test]
 fn couette_flow_starts_like_its_series() {
     let (depth, speed, viscosity) = (0.2, 0.5, 10.0);
-    let key = |frame: u32| Keyframe {
-        frame,
-        position: [(speed * FRAME) as f32 * frame as f32, 0.0, 0.0],
-        rotation: [0.0; 3],
-        quaternion: None,
-        scale: 1.0,
-    };
-    let motion = Motion::new(&[key(0), key(48)], Interpolation::Linear, 24.0, 0);
-    let lid = Solid { motion, ..Solid::fixed(plane(depth as f32, -1.0)) };
-    let world = World { gravity: Vec3::zeros(), solids: vec![Solid::fixed(plane(0.0, 1.0)), lid] };
+    let world = under_a_lid(depth, speed);
     let mut simulation = simulation(world, viscosity, "", &[([0.0; 3], [0.8, 0.24, depth], [0.0; 3])]);
     let (mut time, mut work) = (0.0, 0.0);
     for frames in [4, 4, 8] {
@@ -163,6 +154,55 @@ fn couette_flow_starts_like_its_series() {
     // The lid's drag is work; about half of it is dissipated.
     let kinetic = advance(&mut simulation, 1)[0].kinetic_energy;
     assert!(kinetic < 0.7 * work && kinetic > 0.2 * work, "{kinetic} of {work} J");
+}
+
+/// Liquid between a plate at rest at z = 0 and one at `depth` that moves along x with `speed` from the start.
+fn under_a_lid(depth: f64, speed: f64) -> World {
+    let key = |frame: u32| Keyframe {
+        frame,
+        position: [(speed * FRAME) as f32 * frame as f32, 0.0, 0.0],
+        rotation: [0.0; 3],
+        quaternion: None,
+        scale: 1.0,
+    };
+    let motion = Motion::new(&[key(0), key(48)], Interpolation::Linear, 24.0, 0);
+    let lid = Solid { motion, ..Solid::fixed(plane(depth as f32, -1.0)) };
+    World { gravity: Vec3::zeros(), solids: vec![Solid::fixed(plane(0.0, 1.0)), lid] }
+}
+
+/// Sources of different viscosities, as box and Pa·s.
+fn several(world: World, more: &str, sources: &[([f64; 3], [f64; 3], f64)]) -> Simulation {
+    let mut text = format!("spacing = {SPACING}\nviscosity.dynamic = 1\n{more}\n");
+    for (min, max, viscosity) in sources {
+        text += &format!(
+            "[[source]]\nviscosity = {viscosity}\nshape = {{ box = {{ min = {min:?}, max = {max:?} }} }}\n"
+        );
+    }
+    let params: LiquidParams = toml::from_str(&text).unwrap_or_else(|error| panic!("{error}"));
+    Simulation::new(world, Some(params)).expect("the sources hold particles")
+}
+
+#[test]
+fn the_shear_stress_of_two_layers_is_continuous() {
+    // Steady Couette flow: the rates of shear are as 1/μ, so that the interface moves with μ₁/(μ₀ + μ₁) of the lid.
+    let (depth, speed) = (0.2, 0.5);
+    for [below, above] in [[80.0, 20.0], [20.0, 80.0], [400.0, 20.0]] {
+        let layers = [
+            ([0.0; 3], [0.8, 0.24, 0.5 * depth], below),
+            ([0.0, 0.0, 0.5 * depth], [0.8, 0.24, depth], above),
+        ];
+        let mut simulation = several(under_a_lid(depth, speed), "", &layers);
+        advance(&mut simulation, 16);
+        let interface = above / (below + above);
+        let exact = |z: f64| match 2.0 * z / depth {
+            part if part < 1.0 => interface * part,
+            part => interface + (1.0 - interface) * (part - 1.0),
+        };
+        let errors =
+            profile(&simulation, depth as f32, |x, v| f64::from(v.x) / speed - exact(f64::from(x.z)));
+        println!("{below} below {above} Pa·s: {errors:.3?}");
+        assert!(errors.iter().all(|error| error.abs() < 0.02), "{below}, {above}: {errors:?}");
+    }
 }
 
 /// A cube of honey on a floor after `frames`: the radius that a similarity solution with its median has.
@@ -257,7 +297,8 @@ fn viscous_frames_have_the_same_bits_on_any_number_of_threads_and_after_a_restar
     let mut world = fixed([0.0, 0.0, -9.81], &[Shape::Tank { min: [0.0; 3], max: [0.4, 0.4, 1.0] }]);
     world.solids.push(Solid { motion, ..Solid::fixed(paddle) });
     let text = "spacing = 0.02\nviscosity = { dynamic = 5 }\n\
-                [[source]]\nshape = { box = { min = [0, 0, 0], max = [0.4, 0.4, 0.2] } }";
+                [[source]]\nshape = { box = { min = [0, 0, 0], max = [0.2, 0.4, 0.2] } }\n\
+                [[source]]\nviscosity = 80\nshape = { box = { min = [0.2, 0, 0], max = [0.4, 0.4, 0.2] } }";
     let params: LiquidParams = toml::from_str(text).unwrap();
     let run = || {
         let mut simulation = Simulation::new(world.clone(), Some(params.clone())).unwrap();

@@ -32,7 +32,12 @@ impl Liquid {
             let Solver { nodes, lists, p, clearance, .. } = &mut self.solver;
             lanes::publish_positions(nodes, &self.x, self.rest.inv_support);
             let (rest, walls) = (&self.rest, &self.walls);
-            viscosity.apply(ViscousStep { rest, walls, lists, p, clearance, reach, dt }, nodes, &mut self.v)
+            let source = self.source.as_slice();
+            viscosity.apply(
+                ViscousStep { rest, walls, lists, p, clearance, reach, dt, source },
+                nodes,
+                &mut self.v,
+            )
         });
         record.viscosity_iterations += solve.iterations;
         record.viscosity_unconverged += u32::from(!solve.converged);

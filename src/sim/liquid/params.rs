@@ -140,6 +140,31 @@ impl LiquidParams {
         self.implicitness.unwrap_or(default)
     }
 
+    /// The channels of cached particles that depend on the preset, in the order of frames.
+    pub(super) fn frame_channels(&self) -> impl Iterator<Item = LiquidChannel> + '_ {
+        let is_needed =
+            |channel: &LiquidChannel| *channel == LiquidChannel::Source && self.has_viscosity_by_source();
+        LiquidChannel::ALL
+            .into_iter()
+            .filter(move |channel| self.channels.contains(channel) || is_needed(channel))
+    }
+
+    /// Whether a source or an emitter has its own viscosity.
+    pub(super) fn has_viscosity_by_source(&self) -> bool {
+        self.own_viscosities().any(|own| own.is_some())
+    }
+
+    /// Dynamic viscosity of each source and, after them, of each emitter [Pa·s]; empty without `liquid.viscosity`.
+    pub(super) fn viscosities(&self) -> Vec<f32> {
+        let Some(all) = &self.viscosity else { return Vec::new() };
+        self.own_viscosities().map(|own| own.unwrap_or(all.dynamic)).collect()
+    }
+
+    fn own_viscosities(&self) -> impl Iterator<Item = Option<f32>> + '_ {
+        let sources = self.source.iter().map(|source| source.viscosity);
+        sources.chain(self.emitter.iter().map(|emitter| emitter.viscosity))
+    }
+
     /// Average deviation of liquid at rest; `None`: a fixed number of iterations.
     pub(super) fn target(&self) -> Option<f64> {
         match (self.iterations, self.density_dev) {
@@ -158,19 +183,23 @@ pub enum LiquidChannel {
     /// Seconds since the particle was seeded or emitted. With emitters, frames also have the channel `birth`, the time of that
     /// since the start of the shot [s].
     Age,
-    /// Index of the particle's `[[liquid.source]]`, from 0; those of `[[liquid.emitter]]` follow.
+    /// Index of the particle's `[[liquid.source]]`, from 0; those of `[[liquid.emitter]]` follow. Frames have it in any case
+    /// where a source has its own viscosity.
     Source,
+    /// Dynamic viscosity of the particle's source [Pa·s]; needs the table `liquid.viscosity`.
+    Viscosity,
 }
 
 impl LiquidChannel {
     /// All channels, in the order of frames.
-    pub const ALL: [Self; 2] = [Self::Age, Self::Source];
+    pub const ALL: [Self; 3] = [Self::Age, Self::Source, Self::Viscosity];
 
     /// Name of the channel in presets and in frames.
     pub fn name(self) -> &'static str {
         match self {
             Self::Age => "age",
             Self::Source => "source",
+            Self::Viscosity => "viscosity",
         }
     }
 }
@@ -304,7 +333,7 @@ impl Default for Micropolar {
 pub struct ImplicitViscosity {
     /// Dynamic viscosity μ [Pa·s]: water 1e-3, olive oil 0.1, glycerine 1, honey 10, peanut butter 250, tar 1e4. A larger value
     /// flows more slowly, folds and piles up; with a smaller one than the spacing resolves, the picture is that of water.
-    /// The result does not depend on the substep. Range: above 0, at most 1e8.
+    /// The result does not depend on the substep. Sources and emitters may have their own `viscosity`. Range: above 0, at most 1e8.
     pub dynamic: f32,
     /// Residual at which the solve stops, relative to the change of velocity by viscosity [1]. A larger value is faster: 0.2 takes
     /// half of the iterations of the default, with fronts of thick liquids within 0.3 %. Momentum is conserved with any. Range: above 0, at most 0.5.
@@ -348,6 +377,11 @@ pub struct LiquidSource {
     /// Velocity at the start [m/s].
     #[serde(default)]
     pub velocity: [f32; 3],
+    /// Dynamic viscosity of this source's liquid [Pa·s], which needs the table `liquid.viscosity`; absent: the table's `dynamic`.
+    /// Liquids do not mix: each particle keeps its viscosity. Between two, the thinner one shears, as in layers on top of each other.
+    /// Range: above 0, at most 1e8.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub viscosity: Option<f32>,
 }
 
 mod defaults {

@@ -14,7 +14,7 @@ pub struct LiquidSeeds {
     pub skipped_in_solids: u32,
     /// Particles skipped because a particle of an earlier source was closer than 0.9 spacings.
     pub skipped_overlapping: u32,
-    /// Dynamic viscosity of the preset [Pa·s]; 0 without, and after a restart.
+    /// Largest dynamic viscosity of a source [Pa·s]; 0 without, and after a restart.
     pub viscosity: f64,
     /// Dynamic viscosity with which eddies fade in the solver itself, at the speed of falling through the liquid's height [Pa·s].
     pub solver_viscosity: f64,

@@ -75,9 +75,10 @@ impl Liquid {
             microrotation.spin = vec![Vec3::zeros(); liquid.x.len()];
         }
         liquid.first_energy = liquid.state_energy();
-        if let Some(viscosity) = &liquid.params.viscosity {
+        let viscosities = liquid.params.viscosities();
+        if !viscosities.is_empty() {
             let speed = liquid.expected_speed();
-            liquid.seeded.viscosity = f64::from(viscosity.dynamic);
+            liquid.seeded.viscosity = f64::from(viscosities.into_iter().fold(0.0, f32::max));
             liquid.seeded.speed = speed;
             liquid.seeded.solver_viscosity = f64::from(liquid.params.density)
                 * EDDY_DISSIPATION
@@ -85,6 +86,19 @@ impl Liquid {
                 * f64::from(liquid.params.spacing);
         }
         Ok(liquid)
+    }
+
+    /// Dynamic viscosity of each particle [Pa·s].
+    fn viscosities(&self) -> Vec<f32> {
+        let by_source = self.params.viscosities();
+        match &self.params.viscosity {
+            Some(viscosity) if !self.has_sources => vec![viscosity.dynamic; self.x.len()],
+            _ => self
+                .source
+                .iter()
+                .map(|&source| by_source.get(source as usize).copied().unwrap_or_default())
+                .collect(),
+        }
     }
 
     /// Largest speed of the particles plus that of falling through their height [m/s].
@@ -154,7 +168,7 @@ impl Liquid {
             first_energy: 0.0,
             figures: None,
             seeded: LiquidSeeds::default(),
-            has_sources: has_channel(LiquidChannel::Source),
+            has_sources: has_channel(LiquidChannel::Source) || params.has_viscosity_by_source(),
             has_births: inflow.is_some() && has_channel(LiquidChannel::Age),
             source: Vec::new(),
             birth: Vec::new(),
@@ -179,7 +193,7 @@ impl Liquid {
             viscosity: params
                 .viscosity
                 .as_ref()
-                .map(|viscosity| ViscositySolver::new(viscosity, params.density, &rest)),
+                .map(|viscosity| ViscositySolver::new(viscosity, &params, &rest)),
             confinement: params.vorticity.as_ref().map(Confinement::new),
             microrotation: params.micropolar.as_ref().map(|params| Microrotation::new(params, &rest)),
             motion: Vec::new(),
@@ -195,8 +209,7 @@ impl Liquid {
             .with("position", self.x.clone())
             .with("velocity", self.v.clone())
             .with("id", self.id.clone());
-        for channel in LiquidChannel::ALL.into_iter().filter(|channel| self.params.channels.contains(channel))
-        {
+        for channel in self.params.frame_channels() {
             stream = match channel {
                 LiquidChannel::Age if self.has_births => {
                     let age = |&birth: &f32| (time - f64::from(birth)) as f32;
@@ -205,6 +218,7 @@ impl Liquid {
                 }
                 LiquidChannel::Age => stream.with(channel.name(), vec![time as f32; self.x.len()]),
                 LiquidChannel::Source => stream.with(channel.name(), self.source.clone()),
+                LiquidChannel::Viscosity => stream.with(channel.name(), self.viscosities()),
             };
         }
         if let Some(microrotation) = &self.microrotation {
@@ -251,7 +265,7 @@ mod tests {
     fn liquid_is_far_where_positions_are_coarser_than_a_thousandth_of_the_spacing() {
         for (at, far) in [(0.0, false), (800.0, false), (-900.0, true), (1e5, true)] {
             let shape = Shape::Box { min: [at, 0.0, 0.0], max: [at + 0.8, 0.8, 0.8] };
-            let source = LiquidSource { shape, velocity: [0.0; 3] };
+            let source = LiquidSource { shape, velocity: [0.0; 3], viscosity: None };
             let params = LiquidParams { source: vec![source], ..LiquidParams::new(0.1) };
             let world = World { gravity: Vec3::zeros(), solids: Vec::new() };
             let liquid = Liquid::seed(params, &world, (&[], &[]), Timeline::default());

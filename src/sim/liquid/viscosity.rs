@@ -9,14 +9,15 @@
 //! viscosity does not depend on the packing and is whole in sheets, threads and at surfaces. Solids are integrated
 //! instead of sampled (`walls/no_slip.rs`). There is no preconditioner: every search direction is then a sum of pair
 //! forces, and each iterate conserves momentum exactly, however early the iteration ends. The unknown is the change of
-//! velocity, so that rounding scales with it. The system is solved between two density solves (see `Liquid::substep`
+//! velocity, so that rounding scales with it. Between particles of different viscosity acts the harmonic mean of both, so that the shear
+//! stress is continuous across the interface of two layers. The system is solved between two density solves (see `Liquid::substep`
 //! and docs/decisions/018).
 //!
 //! Symbols: v_ij → `u` [m/s]; x_ij/h → `d`; Δt A → [`ViscosityPass`]; ν → `nu` [m²/s].
 //! Limits: A also resists compression, with a bulk viscosity of 5/3 μ, which motion at constant density does not show.
 
 use super::{
-    ImplicitViscosity,
+    ImplicitViscosity, LiquidParams,
     calibration::RestState,
     lanes::{self, Node},
     pair::Pair,
@@ -30,6 +31,9 @@ use crate::{math::Vec3, par, simd::Lanes, space::Neighbours};
 /// still has its viscosity; without it, two particles that barely touch would be welded.
 const MIN_SUM: f32 = 0.125;
 
+/// Smallest fraction of the largest viscosity in the mean of two.
+const MIN_FRACTION: f32 = 1e-12;
+
 /// Residual over velocity below which there is nothing but rounding.
 const ROUNDING: f64 = 1e-7;
 
@@ -37,8 +41,10 @@ const ROUNDING: f64 = 1e-7;
 #[derive(Debug)]
 pub(super) struct ViscositySolver {
     params: ImplicitViscosity,
-    /// Kinematic viscosity [m²/s].
+    /// Largest kinematic viscosity [m²/s].
     nu: f32,
+    /// Viscosity of each source and emitter over the largest; empty if all are equal.
+    by_source: Vec<f32>,
     kernel: ViscousKernel,
     /// Resistance of the solids.
     drag: Vec<WallDrag>,
@@ -67,6 +73,8 @@ pub(super) struct ViscousStep<'a> {
     pub(super) clearance: &'a [f32],
     pub(super) reach: f32,
     pub(super) dt: f32,
+    /// Source of each particle, if viscosities differ between them.
+    pub(super) source: &'a [u32],
 }
 
 /// Report of a solve.
@@ -81,11 +89,19 @@ pub(super) struct ViscositySolve {
 }
 
 impl ViscositySolver {
-    /// Viscosity of a liquid of `density` [kg/m³].
-    pub(super) fn new(params: &ImplicitViscosity, density: f32, rest: &RestState) -> Self {
+    /// Viscosity of the liquid.
+    pub(super) fn new(params: &ImplicitViscosity, liquid: &LiquidParams, rest: &RestState) -> Self {
+        let mut by_source = liquid.viscosities();
+        let largest = by_source.iter().copied().fold(0.0, f32::max);
+        if by_source.iter().all(|&own| own == largest) {
+            by_source.clear();
+        }
+        // Squares of the smallest positive fractions are zero in single precision.
+        by_source.iter_mut().for_each(|own| *own = (*own / largest).max(MIN_FRACTION));
         Self {
             params: params.clone(),
-            nu: params.dynamic / density,
+            nu: if largest > 0.0 { largest } else { params.dynamic } / liquid.density,
+            by_source,
             kernel: ViscousKernel::new(rest),
             drag: Vec::new(),
             weight: Vec::new(),
@@ -113,13 +129,15 @@ impl ViscositySolver {
 
         // Residual of no change: Δt (A v' of the solids − A v).
         let before = &*v;
-        par::fill(&mut self.direction, |i| Node::new(before[i], 0.0));
+        let by_source = &self.by_source;
+        let fraction = |i: usize| if by_source.is_empty() { 1.0 } else { by_source[step.source[i] as usize] };
+        par::fill(&mut self.direction, |i| Node::new(before[i], fraction(i)));
         self.multiply(&step, nodes);
         let (drag, product) = (&self.drag, &self.product);
         par::fill(&mut self.residual, |i| drag[i].drive - product[i]);
         par::fill(&mut self.change, |_| Vec3::zeros());
         let residual = &self.residual;
-        par::fill(&mut self.direction, |i| Node::new(residual[i], 0.0));
+        par::update(&mut self.direction, |i, d| *d = Node::new(residual[i], d.value()));
 
         let norm2 = |v: &[Vec3]| par::sum(v.len(), |i| v[i].iter().map(|&c| f64::from(c).powi(2)).sum());
         let rounding2 = ROUNDING.powi(2) * norm2(v);
@@ -137,7 +155,9 @@ impl ViscositySolver {
             [residual2, change2] = self.advance(alpha);
             let beta = (residual2 / before2) as f32;
             let residual = &self.residual;
-            par::update(&mut self.direction, |i, d| *d = Node::new(residual[i] + d.vector() * beta, 0.0));
+            par::update(&mut self.direction, |i, d| {
+                *d = Node::new(residual[i] + d.vector() * beta, d.value())
+            });
             solve.iterations += 1;
         }
         if change2 > 0.0 {
@@ -154,8 +174,8 @@ impl ViscositySolver {
 
     /// Weights of pairs and resistance of the solids.
     fn assemble(&mut self, step: &ViscousStep<'_>, nodes: &mut [Node]) {
-        let Self { kernel, drag, weight, .. } = self;
-        let kernel = &*kernel;
+        let Self { kernel, drag, weight, by_source, .. } = self;
+        let (kernel, by_source) = (&*kernel, &*by_source);
         drag.resize(nodes.len(), WallDrag::default());
         weight.resize(nodes.len(), 0.0);
         par::fill(drag, |i| {
@@ -173,6 +193,9 @@ impl ViscositySolver {
             let pass = WeightPass { smallest, nodes: published, lists, drag: walls, start, rate, weight };
             pass::run(step.rest.kernel, pass);
         });
+        if !by_source.is_empty() {
+            par::update(weight, |i, weight| *weight *= by_source[step.source[i] as usize]);
+        }
         let weight = &*weight;
         par::update(drag, |i, drag| drag.scale(2.0 * weight[i]));
         par::update(nodes, |i, node| node.0[3] = weight[i]);
@@ -180,11 +203,14 @@ impl ViscositySolver {
 
     /// Multiplies the direction by Δt A. Returns the direction times (1 + Δt A) times the direction.
     fn multiply(&mut self, step: &ViscousStep<'_>, nodes: &[Node]) -> f64 {
-        let Self { drag, direction, product, .. } = self;
-        let (drag, direction) = (&**drag, &**direction);
+        let Self { drag, direction, product, by_source, .. } = self;
+        let (drag, direction, is_uniform) = (&**drag, &**direction, by_source.is_empty());
         let partials = par::map_chunks_mut([product.as_mut_slice()], par::CHUNK, |start, [product]| {
-            let pass = ViscosityPass { nodes, direction, lists: step.lists, drag, start, product };
-            pass::run(step.rest.kernel, pass)
+            let operands = Operands { nodes, direction, lists: step.lists, drag, start, product };
+            match is_uniform {
+                true => pass::run(step.rest.kernel, ViscosityPass::<true>(operands)),
+                false => pass::run(step.rest.kernel, ViscosityPass::<false>(operands)),
+            }
         });
         partials.into_iter().sum()
     }
@@ -207,6 +233,21 @@ impl ViscositySolver {
             sums
         });
         partials.into_iter().fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d])
+    }
+}
+
+/// Weight of a pair of particles: the sum of theirs for the harmonic mean of both viscosities, f_i ν and f_j ν, which a series of two
+/// layers has. The values of the nodes are the weights w for each particle's own viscosity, those of the directions the fractions f.
+#[inline(always)]
+fn pair_weight<L: Lanes, const UNIFORM: bool>(
+    own: [L; 4],
+    other: [L; 4],
+    own_v: [L; 4],
+    other_v: [L; 4],
+) -> L {
+    match UNIFORM {
+        true => own[3] + other[3],
+        false => (own[3] * other_v[3] + other[3] * own_v[3]) * L::splat(2.0) / (own_v[3] + other_v[3]),
     }
 }
 
@@ -242,10 +283,14 @@ impl NeighbourPass for WeightPass<'_> {
     }
 }
 
-/// The viscous operator on a chunk of particles.
-struct ViscosityPass<'a> {
+/// The viscous operator on a chunk of particles, whose viscosities are equal if `UNIFORM`.
+struct ViscosityPass<'a, const UNIFORM: bool>(Operands<'a>);
+
+/// What the operator reads, and where it writes.
+struct Operands<'a> {
     /// Positions over h, and weights.
     nodes: &'a [Node],
+    /// Direction, and viscosity over the largest.
     direction: &'a [Node],
     lists: &'a Neighbours,
     drag: &'a [WallDrag],
@@ -253,29 +298,32 @@ struct ViscosityPass<'a> {
     product: &'a mut [Vec3],
 }
 
-impl NeighbourPass for ViscosityPass<'_> {
+impl<const UNIFORM: bool> NeighbourPass for ViscosityPass<'_, UNIFORM> {
     /// Direction times (1 + Δt A) times direction.
     type Out = f64;
 
     #[inline(always)]
     fn run<L: Lanes, P: Pair>(self) -> f64 {
+        let Operands { nodes, direction, lists, drag, start, product } = self.0;
         let mut curvature = 0.0;
-        for (offset, product) in self.product.iter_mut().enumerate() {
-            let i = self.start + offset;
-            let own = lanes::spread::<L>(self.nodes[i]);
-            let own_v = lanes::spread::<L>(self.direction[i]);
+        for (offset, product) in product.iter_mut().enumerate() {
+            let i = start + offset;
+            let own = lanes::spread::<L>(nodes[i]);
+            let own_v = lanes::spread::<L>(direction[i]);
             let mut sum = [L::splat(0.0); 3];
-            let mut neighbours = self.lists.rows::<L>(i);
+            let mut neighbours = lists.rows::<L>(i);
             while let Some(index) = neighbours.next() {
-                let other = lanes::gather::<L>(self.nodes, index);
+                let other = lanes::gather::<L>(nodes, index);
                 let (d, q2) = lanes::offset(own, other);
-                let (u, _) = lanes::offset(own_v, lanes::gather::<L>(self.direction, index));
+                let other_v = lanes::gather::<L>(direction, index);
+                let (u, _) = lanes::offset(own_v, other_v);
                 let along = u[0] * d[0] + u[1] * d[1] + u[2] * d[2];
-                let weight = ViscousKernel::value(q2.sqrt()) * (own[3] + other[3]);
+                let weight =
+                    ViscousKernel::value(q2.sqrt()) * pair_weight::<L, UNIFORM>(own, other, own_v, other_v);
                 sum = lanes::plus(sum, d, along * weight); // Δt A v
             }
-            let v = self.direction[i].vector();
-            *product = lanes::total(sum) + self.drag[i].times(v);
+            let v = direction[i].vector();
+            *product = lanes::total(sum) + drag[i].times(v);
             for (v, product) in v.iter().zip(product.iter()) {
                 curvature += f64::from(*v) * (f64::from(*v) + f64::from(*product));
             }
@@ -292,9 +340,11 @@ mod tests {
         solid::{Shape, Solid},
     };
 
-    /// Applies viscosity with Δt ν/spacing² = `number` to the velocities `motion` of a disordered block.
+    /// Applies viscosity with Δt ν/spacing² = `number` to the velocities `motion` of a disordered block. Every third particle has that
+    /// times `fraction`.
     fn applied(
         number: f32,
+        fraction: f32,
         solids: &[Solid],
         motion: impl Fn(Vec3) -> Vec3,
     ) -> (Vec<Vec3>, Vec<Vec3>, Vec<Vec3>) {
@@ -320,12 +370,16 @@ mod tests {
             tolerance: 1e-4,
             max_iterations: 1000,
         };
-        let mut viscosity = ViscositySolver::new(&params, 1.0, &rest);
+        let liquid = LiquidParams { density: 1.0, ..LiquidParams::new(spacing) };
+        let mut viscosity = ViscositySolver::new(&params, &liquid, &rest);
+        viscosity.by_source = if fraction < 1.0 { vec![1.0, fraction] } else { Vec::new() };
+        let source: Vec<u32> = (0..512).map(|k| u32::from(k % 3 == 0)).collect();
         let before: Vec<Vec3> = p.iter().map(|&x| motion(x)).collect();
         let mut after = before.clone();
         let Solver { nodes, lists, clearance, .. } = &mut solver;
         let reach = setup.boundary_reach();
-        let step = ViscousStep { rest: &rest, walls: &walls, lists, p: &p, clearance, reach, dt };
+        let step =
+            ViscousStep { rest: &rest, walls: &walls, lists, p: &p, clearance, reach, dt, source: &source };
         assert!(viscosity.apply(step, nodes, &mut after).converged);
         (p, before, after)
     }
@@ -342,11 +396,13 @@ mod tests {
 
     #[test]
     fn momenta_are_conserved_to_rounding_and_energy_falls() {
-        for (number, bound) in [(0.01, 2e-7), (1.0, 2e-7), (1e4, 2e-5)] {
+        for (number, fraction, bound) in
+            [(0.01, 1.0, 2e-7), (1.0, 1.0, 2e-7), (1e4, 1.0, 2e-5), (1.0, 0.1, 2e-7), (1e4, 1e-12, 5e-5)]
+        {
             let shear = |x: Vec3| Vec3::new(20.0 * x.z, (60.0 * x.x).sin(), -30.0 * x.x);
-            let (x, before, after) = applied(number, &[], shear);
+            let (x, before, after) = applied(number, fraction, &[], shear);
             for (kind, (a, b)) in momenta(&x, &before).into_iter().zip(momenta(&x, &after)).enumerate() {
-                assert!((a - b).norm() < bound, "{number}, {kind}: {a:?} {b:?}");
+                assert!((a - b).norm() < bound, "{number} and {fraction} of it, {kind}: {a:?} {b:?}");
             }
             let energy = |v: &[Vec3]| v.iter().map(|v| v.norm_squared()).sum::<f32>();
             assert!(energy(&after) < energy(&before), "{number}");
@@ -356,7 +412,7 @@ mod tests {
     #[test]
     fn rigid_motion_is_free_of_forces() {
         let rigid = |x: Vec3| Vec3::new(3.0, 0.0, 1.0) + Vec3::new(1.0, -2.0, 3.0).cross(&x);
-        let (_, before, after) = applied(1e3, &[], rigid);
+        let (_, before, after) = applied(1e3, 0.01, &[], rigid);
         let changed = before.iter().zip(&after).map(|(a, b)| (a - b).norm()).fold(0.0, f32::max);
         assert!(changed < 1e-5, "{changed} m/s");
     }
@@ -364,7 +420,7 @@ mod tests {
     #[test]
     fn a_solid_at_rest_stops_a_stiff_block() {
         let floor = Solid::fixed(Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] });
-        let (_, _, after) = applied(1e5, &[floor], |_| Vec3::new(1.0, 0.0, 0.0));
+        let (_, _, after) = applied(1e5, 1.0, &[floor], |_| Vec3::new(1.0, 0.0, 0.0));
         let fastest = after.iter().map(|v| v.norm()).fold(0.0, f32::max);
         assert!(fastest < 0.01, "{fastest} m/s");
     }

@@ -26,6 +26,9 @@ pub struct LiquidEmitter {
     /// zero. Absent: the normal of a disc.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub direction: Option<[f32; 3]>,
+    /// Dynamic viscosity of its liquid, as for sources [Pa·s]; absent: `liquid.viscosity.dynamic`. Range: above 0, at most 1e8.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub viscosity: Option<f32>,
     /// The ranges of frames in which it is on, in ascending order; empty: it is always on.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub on: Vec<FrameRange>,

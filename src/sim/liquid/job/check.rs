@@ -87,7 +87,33 @@ pub(super) fn check_liquid(liquid: &LiquidParams, places: &Places, findings: &mu
     for (index, source) in liquid.source.iter().enumerate() {
         findings.extend(source_finding(&format!("liquid.source.{index}"), &source.shape, places));
     }
+    check_viscosities(liquid, places, findings);
     check_particle_count(liquid, places, findings);
+}
+
+/// Whether there is a table `viscosity` where a source or a channel needs it.
+fn check_viscosities(liquid: &LiquidParams, places: &Places, findings: &mut Vec<Finding>) {
+    if liquid.viscosity.is_some() {
+        return;
+    }
+    let sources = liquid.source.iter().map(|source| source.viscosity).enumerate();
+    let sources = sources.map(|(index, own)| (format!("liquid.source.{index}.viscosity"), own));
+    let emitters = liquid.emitter.iter().map(|emitter| emitter.viscosity).enumerate();
+    let emitters = emitters.map(|(index, own)| (format!("liquid.emitter.{index}.viscosity"), own));
+    for (key, own) in sources.chain(emitters).filter_map(|(key, own)| Some((key, own?))) {
+        let message = "a viscosity of its own needs the table `liquid.viscosity`";
+        let found = format!("found {own} Pa·s, and no `[liquid.viscosity]`");
+        let help =
+            "add `[liquid.viscosity]` with `dynamic`, the viscosity of the other sources, or remove the key";
+        findings.push(Finding::new(places.of(&key), &key, message, found).with_help(help));
+    }
+    if liquid.channels.contains(&LiquidChannel::Viscosity) {
+        let key = "liquid.channels";
+        let message = "the channel `viscosity` needs the table `liquid.viscosity`";
+        let found = "found `viscosity`, and no `[liquid.viscosity]`";
+        let help = "add `[liquid.viscosity]` with `dynamic`, or remove the channel";
+        findings.push(Finding::new(places.of(key), key, message, found).with_help(help));
+    }
 }
 
 fn check_particle_count(liquid: &LiquidParams, places: &Places, findings: &mut Vec<Finding>) {
@@ -155,7 +181,7 @@ pub(super) fn check_colliders(scene: &Scene, places: &Places, findings: &mut Vec
 pub(super) fn check_attributes(scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
     let Some(liquid) = &scene.liquid else { return };
     let wanted = |name: &str| scene.surface.attributes.iter().flatten().any(|attribute| attribute == name);
-    let carries = |channel: &LiquidChannel| liquid.channels.contains(channel);
+    let carries = |channel: &LiquidChannel| liquid.frame_channels().any(|found| found == *channel);
     let needed = LiquidChannel::ALL.into_iter().filter(|channel| carries(channel) || wanted(channel.name()));
     let needed: Vec<_> = needed.map(|channel| format!("\"{}\"", channel.name())).collect();
     for channel in LiquidChannel::ALL {

@@ -49,7 +49,8 @@ impl System for Liquid {
         &[
             "liquid.spacing",
             "liquid.channels",
-            "liquid.source",
+            "liquid.source.*.shape",
+            "liquid.source.*.velocity",
             "liquid.emitter.*.shape",
             "liquid.emitter.*.velocity",
             "liquid.emitter.*.direction",

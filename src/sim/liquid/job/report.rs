@@ -60,9 +60,9 @@ pub(super) fn seeding_warnings(seeds: &LiquidSeeds) -> Vec<String> {
     let LiquidSeeds { viscosity, solver_viscosity, speed, .. } = *seeds;
     if viscosity > 0.0 && viscosity < solver_viscosity {
         warnings.push(format!(
-            "liquid.viscosity.dynamic = {viscosity} Pa·s will hardly show in fast motion: at {speed:.1} m/s and this spacing, \
+            "a viscosity of {viscosity} Pa·s will hardly show in fast motion: at {speed:.1} m/s and this spacing, \
              eddies fade in the solver as with about {solver_viscosity:.2} Pa·s; slow, thin layers still show it. Lower \
-             liquid.spacing, or leave the table out to save its time"
+             liquid.spacing, or leave `liquid.viscosity` out to save its time"
         ));
     }
     warnings
