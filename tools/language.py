@@ -109,7 +109,7 @@ GENUINE = [
     ("*", r"(?:one|two|three|four)[- ]way", "one-way and two-way coupling are the field's words"),
     ("*", r"by way of|under way|half ?-?way|all the way|(?:give|gives|gave|given|giving|make|makes) way|either way|the other way(?: round| about)?", "ordinary idiom"),
     ("*", r"(?:in|the) same way|(?:in|by) (?:this|that|which|some|any|no) way|in the way|out of the way|on the way|on (?:its|their) way|a long way", "ordinary idiom"),
-    ("*", r"seeding lattices?|lattice boltzmann|(?:cubic|hexagonal|close[- ]packed|body[- ]centred|face[- ]centred) lattices?", "a lattice of seeded particles"),
+    ("*", r"seeding lattices?|lattice boltzmann|(?:cubic|hexagonal|close[- ]packed|body[- ]centred|face[- ]centred|periodic) lattices?", "a lattice of seeded particles"),
     ("*", r"weak(?:er|est)? (?:coupling|form|solution|formulation|scaling)|weak ref|rc weak", "term of numerics or of Rust"),
     ("*", r"(?:right|left|two|one|single)[- ]handed(?:ness)?|handedness", "orientation"),
     ("*", r"hand[- ]written|by hand|at hand|on the other hand", "ordinary idiom"),

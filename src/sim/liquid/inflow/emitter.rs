@@ -1,20 +1,20 @@
 //! An emitter: a seeding lattice that moves through a nozzle.
 //!
-//! *Method*: layers of the seeding lattice, a spacing apart, move with the flow in the nozzle's own coordinates. How far they have
+//! *Method*: layers of the seeding lattice, a spacing or a little more apart, move with the flow in the nozzle's own coordinates. How far they have
 //! moved is the integral of the speed over time, in double precision and part of the state. A layer enters a column when half of it
-//! has passed the column's front, so that the volume is that of the flow within half a layer at any time, and places depend on the
+//! has passed the column's front, so that the volume is that of the flow within a layer at any time, and places depend on the
 //! length alone: neither the substep nor a change of the rate opens a gap or lets layers overlap.
 //!
-//! Symbols: flow length L → `length` [m]; the centre of layer k is L − (k + ½) spacing beyond the reference plane → [`Emitter::place`].
+//! Symbols: flow length L → `length` [m]; column c has layer k at L − (k + ½ + shift of c) `layer_distance` beyond the reference plane → [`Emitter::place`].
 
 use super::{
     LiquidEmitter,
-    nozzle::{Column, Nozzle},
+    nozzle::{Column, Nozzle, layer_distance},
     schedule::Schedule,
 };
 use crate::{
     math::Vec3,
-    sim::Timeline,
+    sim::{Timeline, liquid::calibration::RestState},
     solid::{Motion, Pose},
 };
 
@@ -24,9 +24,11 @@ pub(in crate::sim::liquid) struct Emitter {
     pub(in crate::sim::liquid) nozzle: Nozzle,
     schedule: Schedule,
     motion: Option<Motion>,
+    /// Volume of a layer over the distance between layers [m²].
+    pub(in crate::sim::liquid) area: f64,
     /// Distance of the farthest point of the nozzle from its own origin [m].
     reach: f32,
-    spacing: f64,
+    layer_distance: f64,
     /// Number of its first column among those of all emitters.
     pub(in crate::sim::liquid) first_column: u32,
     /// Length that has flowed [m]: the state.
@@ -51,21 +53,24 @@ pub(in crate::sim::liquid) struct LayerPoint {
 }
 
 impl Emitter {
-    /// The emitter of a preset, with `spacing` [m] between particles; its columns are numbered from `first_column` on.
+    /// The emitter of a preset, for particles of a rest state; its columns are numbered from `first_column` on.
     pub(in crate::sim::liquid) fn new(
         params: &LiquidEmitter,
-        spacing: f64,
+        rest: &RestState,
         timeline: Timeline,
         first_column: u32,
     ) -> Self {
+        let (spacing, layer_distance) = (f64::from(rest.spacing), layer_distance(rest));
         let nozzle = Nozzle::new(&params.shape, params.flow_direction().unwrap_or_default(), spacing);
-        let area = nozzle.columns.len() as f64 * spacing * spacing;
+        // A layer has the volume of its particles.
+        let area = nozzle.columns.len() as f64 * spacing.powi(3) / layer_distance;
         Self {
             schedule: Schedule::new(params, area, timeline),
+            area,
             motion: Motion::new(&params.keyframes, params.interpolation, timeline.fps, timeline.first),
             reach: params.shape.reach(),
             nozzle,
-            spacing,
+            layer_distance,
             first_column,
             length: 0.0,
         }
@@ -100,14 +105,14 @@ impl Emitter {
         self.schedule.length(from, to)
     }
 
-    /// Distance of a layer beyond the reference plane at a flow length [m].
-    fn place(&self, layer: i64, length: f64) -> f64 {
-        length - (layer as f64 + 0.5) * self.spacing
+    /// Distance of a point beyond the reference plane at a flow length [m].
+    fn place(&self, point: LayerPoint, length: f64) -> f64 {
+        length - (point.layer as f64 + 0.5 + self.nozzle.columns[point.column].shift) * self.layer_distance
     }
 
     /// The last layer that has entered a column at a flow length [m].
     fn last_layer(&self, column: Column, length: f64) -> i64 {
-        ((length + column.depth) / self.spacing - 0.5).floor() as i64
+        ((length + column.depth) / self.layer_distance - 0.5 - column.shift).floor() as i64
     }
 
     /// Number of particles that enter while the flow length grows from `from` to `to` [m].
@@ -132,7 +137,7 @@ impl Emitter {
     /// Position of a point of the seeding lattice at a flow length [m] and a pose.
     pub(in crate::sim::liquid) fn position(&self, point: LayerPoint, length: f64, pose: &Pose) -> Vec3 {
         let foot = self.nozzle.columns[point.column].foot;
-        pose.to_world((foot + self.nozzle.direction * self.place(point.layer, length)).cast())
+        pose.to_world((foot + self.nozzle.direction * self.place(point, length)).cast())
     }
 
     /// The point of the seeding lattice in `column` that is at `x` at a flow length [m] and a pose, and its distance beyond the reference
@@ -144,18 +149,22 @@ impl Emitter {
         step: &EmitterStep,
     ) -> (LayerPoint, f64) {
         let local = step.pose[0].to_local(x).cast::<f64>();
-        let place = (local - self.nozzle.columns[column].foot).dot(&self.nozzle.direction);
-        let layer = ((step.length[0] - place) / self.spacing - 0.5).round() as i64;
-        (LayerPoint { column, layer }, self.place(layer, step.length[1]))
+        let Column { foot, shift, .. } = self.nozzle.columns[column];
+        let place = (local - foot).dot(&self.nozzle.direction);
+        let layer = ((step.length[0] - place) / self.layer_distance - 0.5 - shift).round() as i64;
+        let point = LayerPoint { column, layer };
+        (point, self.place(point, step.length[1]))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sim::liquid::Kernel;
 
     fn emitter(text: &str) -> Emitter {
-        Emitter::new(&toml::from_str(text).unwrap(), 0.02, Timeline { fps: 24.0, first: 1 }, 0)
+        let rest = RestState::new(Kernel::Wendland, 0.02, 2.0);
+        Emitter::new(&toml::from_str(text).unwrap(), &rest, Timeline { fps: 24.0, first: 1 }, 0)
     }
 
     const BALL: &str = "shape = { sphere = { center = [0, 0, 1], radius = 0.1 } }\n";

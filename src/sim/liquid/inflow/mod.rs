@@ -96,7 +96,7 @@ impl Inflow {
         }
         let (mut emitters, mut first_column) = (Vec::new(), 0);
         for params in &params.emitter {
-            let emitter = Emitter::new(params, spacing, timeline, first_column);
+            let emitter = Emitter::new(params, rest, timeline, first_column);
             first_column += emitter.nozzle.columns.len() as u32;
             emitters.push(emitter);
         }
@@ -146,7 +146,7 @@ impl Inflow {
             let count = |test: &dyn Fn(Vec3) -> bool| places.iter().filter(|x| test(**x)).count() as u32;
             NozzleReport {
                 columns: places.len() as u32,
-                area: places.len() as f64 * f64::from(self.spacing).powi(2),
+                area: emitter.area,
                 outline_area: emitter.nozzle.outline_area,
                 in_solids: count(&is_blocked),
                 at_wall: count(&|x| !is_blocked(x) && leads_into_solid(walls, x, flow, length, self.spacing)),
