@@ -85,7 +85,7 @@ pub(super) enum ProgressStyle {
     Json,
     /// Open Job Description lines, on stdout as its agents expect them
     Openjd,
-    /// Nothing
+    /// Notes alone
     None,
 }
 

@@ -4,7 +4,7 @@ use super::{
     args::ProgressStyle,
     output::{is_terminal, open_jd, print_line},
 };
-use crate::{control::printable, job::Silent, run::Reporter};
+use crate::{control::printable, run::Reporter};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle as BarStyle};
 use std::{
     sync::{Arc, Mutex, MutexGuard},
@@ -19,8 +19,22 @@ pub(super) fn reporter(style: ProgressStyle) -> Box<dyn Reporter> {
         ProgressStyle::Auto | ProgressStyle::Plain => Box::new(Lines::new(Form::Plain)),
         ProgressStyle::Json => Box::new(Lines::new(Form::Json)),
         ProgressStyle::Openjd => Box::new(Lines::new(Form::OpenJd)),
-        ProgressStyle::None => Box::new(Silent),
+        ProgressStyle::None => Box::new(Notes),
     }
+}
+
+/// No progress; what the user should know is printed.
+struct Notes;
+
+impl Reporter for Notes {
+    fn begin(&self, _job: &str, _frames: usize) {}
+    fn progress(&self, _frames_done: f64) {}
+    fn frame(&self, _figures: &str) {}
+    fn note(&self, text: &str) {
+        print_line(&format!("note: {text}"));
+    }
+    fn end(&self) {}
+    fn stop(&self) {}
 }
 
 /// A bar with the time left.

@@ -499,7 +499,8 @@ fn the_simulation_key_changes_with_what_is_simulated_and_with_nothing_else() {
 #[test]
 fn a_viscosity_of_a_source_needs_the_table_of_viscosity() {
     let own = "liquid.source.0.viscosity=10 Pa·s";
-    for set in [own, "liquid.channels=[\"viscosity\"]"] {
+    let nozzle = "liquid.emitter=[{ shape = { disc = { center = [0, 0, 1], normal = [0, 0, -1], radius = 0.1 } }, rate = 0.01, viscosity = 3 }]";
+    for set in [own, nozzle, "liquid.channels=[\"viscosity\"]"] {
         let text = rendered(&read_set(GOOD, &[set]).unwrap_err());
         assert!(text.contains("add `[liquid.viscosity]` with `dynamic`"), "{text}");
     }

@@ -212,6 +212,11 @@ fn progress_comes_in_the_requested_form() {
     assert!(out.contains("openjd_progress: 100.0"), "{out}");
     let (_, talk) = desk.run("simulate small.toml -o none --progress none", 0);
     assert_eq!(talk, "");
+    // What is wrong with the result is not progress.
+    desk.write("beyond.toml", SMALL.replace("min = [0, 0, 0], max = [0.8", "min = [-0.4, 0, 0], max = [0.8"));
+    let (_, talk) = desk.run("simulate beyond.toml --progress none", 0);
+    assert!(talk.starts_with("note: ") && talk.contains("particles of the sources were skipped"), "{talk}");
+    assert!(!talk.contains("Progress") && !talk.contains("frame 0002"), "{talk}");
 }
 
 #[test]

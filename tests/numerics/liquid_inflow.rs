@@ -1,7 +1,7 @@
 //! Inflow and outflow: volumes, the density at the nozzle, what is counted, and the same bytes after a restart.
 
 use meniscus::{
-    frame::{Frame, FrameIndex},
+    frame::{Frame, FrameIndex, Stream},
     math::Vec3,
     par,
     sim::{
@@ -139,9 +139,14 @@ fn the_density_at_the_nozzle_is_that_at_rest() {
             "{speed} m/s: {mean:.4} on average, {largest:.4} at most, {ahead} of {} ahead",
             places.len()
         );
-        let end = places[places.len() - 1 - ahead];
-        assert!((end - expected).abs() < 1.1 * SPACING, "the jet is {end} m long instead of {expected} m");
-        assert!(ahead <= 25, "{ahead} particles are ahead of the jet");
+        let [end, farthest] = [places[places.len() - 1 - ahead], places[places.len() - 1]];
+        assert!(end > expected - 1.1 * SPACING, "the jet is {end} m long instead of {expected} m");
+        let (most, reach) = if speed < 1.0 { (25, 4.0) } else { (0, 1.1) };
+        assert!(ahead <= most, "{ahead} particles are ahead of the jet");
+        assert!(
+            farthest < expected + reach * SPACING,
+            "the foremost particle is at {farthest} m, the jet ends at {expected} m"
+        );
     }
 }
 
@@ -174,8 +179,8 @@ fn a_falling_jet_becomes_thinner_and_keeps_its_density() {
 
 #[test]
 fn thin_jets_fall_as_one_component() {
-    // A tap of 5 cm: without columns that are shifted against each other, water falls in 5 components, up to 1.7 times as wide as continuity has
-    // it, and syrup in a stack of 9 discs.
+    // A tap of 5 cm: without columns that are shifted against each other, water falls in 5 components, up to 1.7 times as wide as
+    // continuity gives, and syrup in a stack of 9 discs.
     for (what, text, widest) in
         [("water", "surface_tension.coefficient = 0.8", 1.1), ("syrup", "viscosity.dynamic = 60", 1.4)]
     {
@@ -187,7 +192,6 @@ fn thin_jets_fall_as_one_component() {
         let mut jet = Run::new(&text, 24.0, world(9.81, vec![]));
         jet.to(16);
         let last = jet.records.last().and_then(|record| record.liquid.as_ref()).expect("there is liquid");
-        let flow = jet.flow(16).emitted[0];
         let frame = jet.frame();
         let [x, v] =
             ["position", "velocity"].map(|name| frame.streams[0].vec3(name).expect("liquids have it"));
@@ -202,10 +206,7 @@ fn thin_jets_fall_as_one_component() {
             radius / (area / std::f32::consts::PI).sqrt()
         };
         let ratios = [0.3, 0.5, 0.7, 0.9, 1.1].map(ratio);
-        println!(
-            "{what}: {} components, {flow} emitted, radius over that of continuity {ratios:.3?}",
-            last.components
-        );
+        println!("{what}: {} components, radius over that of continuity {ratios:.3?}", last.components);
         assert_eq!(last.components, 1, "{what}");
         assert!(ratios.iter().all(|&ratio| ratio < widest && ratio > 0.9), "{what}: {ratios:?}");
     }
@@ -243,7 +244,9 @@ fn floor() -> World {
 
 #[test]
 fn frames_have_the_same_bits_after_a_restart_and_on_any_number_of_threads() {
-    let text = everything("channels = ['age', 'source']\n");
+    // The second emitter has its own viscosity.
+    let text = everything("channels = ['age', 'source', 'viscosity']\nviscosity.dynamic = 0.5\n")
+        .replace("velocity = [0, 0, -1.3]\n", "velocity = [0, 0, -1.3]\nviscosity = 40\n");
     let whole = |threads: usize| {
         par::with_threads(threads, || {
             let mut run = Run::new(&text, 24.0, floor());
@@ -267,6 +270,9 @@ fn frames_have_the_same_bits_after_a_restart_and_on_any_number_of_threads() {
     ids.sort_unstable();
     assert!(ids.windows(2).all(|pair| pair[0] < pair[1]), "ids are unique");
     let (age, source) = (stream.f32("age").unwrap(), stream.u32("source").unwrap());
+    let viscosity: Vec<f32> = source.iter().map(|&source| [0.5, 0.5, 40.0][source as usize]).collect();
+    assert_eq!(stream.f32("viscosity").unwrap(), viscosity);
+
     assert!(age.iter().all(|age| (0.0..=0.42).contains(age)));
     for (kind, oldest) in [(0, 0.41), (1, 0.3), (2, 0.3)] {
         let ages = (0..age.len()).filter(|&i| source[i] == kind).map(|i| age[i]);
@@ -294,6 +300,25 @@ fn frames_whose_flow_cannot_be_are_refused() {
         scalar.1 = value;
         let error = restore(&crafted).unwrap_err().to_string();
         assert!(error.contains(expected), "{name} = {value}: {error}");
+    }
+    // A source that the preset does not have; it decides the viscosity.
+    let text = everything("viscosity.dynamic = 1\n").replace("-1.3]\n", "-1.3]\nviscosity = 3\n");
+    let frame = Run::new(&text, 24.0, floor()).to(3).frame();
+    let with_source = |source: u32| {
+        let mut crafted = frame.clone();
+        let stream = &frame.streams[0];
+        let mut bare = Stream::new("liquid", stream.kind, stream.len());
+        bare.scalars.clone_from(&stream.scalars);
+        crafted.streams[0] = stream.channels().iter().fold(bare, |bare, channel| match &*channel.name {
+            "source" => bare.with("source", vec![source; stream.len()]),
+            name => bare.with(name, channel.data.clone()),
+        });
+        Simulation::restore(floor(), systems(&text, 24.0), &crafted).map(|_| ())
+    };
+    with_source(2).unwrap();
+    for source in [3, u32::MAX] {
+        let error = with_source(source).unwrap_err().to_string();
+        assert!(error.contains("source"), "{source}: {error}");
     }
 }
 

@@ -20,17 +20,28 @@ const INK: [u8; 3] = [230, 230, 230];
 /// Height and width of the legend of speeds [pixels].
 const LEGEND: [usize; 2] = [10, 96];
 
-/// Writes number, time and scale of a frame into its picture.
-pub(super) fn caption(picture: &mut Canvas, stage: &Stage, index: FrameIndex, time: f64) {
+/// Writes number, time and scale of a frame into its picture; times of successive frames, `fps` a second, differ.
+pub(super) fn caption(picture: &mut Canvas, stage: &Stage, (index, time): (FrameIndex, f64), fps: f64) {
     let [width, height] = picture.size();
     let grid = length(grid_cell(stage.bounds.size()));
     let scale = stage.ground.map(|_| format!(" | grid {grid}")).unwrap_or_default();
-    let text = format!("{index} | {time:.2} s{scale}");
+    let text = format!("{index} | {}{scale}", duration(time, fps));
     let line = text_lines(&text, width.saturating_sub(2 * MARGIN)).swap_remove(0);
     let top = height.saturating_sub(Canvas::LINE + MARGIN / 2);
     outlined(picture, &line, MARGIN, top);
     if stage.particles == ParticleLook::Speed {
         speeds(picture, stage.speed);
+    }
+}
+
+/// A time [s] in the unit and with the digits that frames of `fps` a second need.
+fn duration(time: f64, fps: f64) -> String {
+    let milliseconds = 1000.0 * time;
+    match fps {
+        fps if fps <= 100.0 => format!("{time:.2} s"),
+        fps if fps <= 1e3 => format!("{milliseconds:.0} ms"),
+        fps if fps <= 1e4 => format!("{milliseconds:.1} ms"),
+        _ => format!("{milliseconds:.4} ms"),
     }
 }
 
@@ -92,6 +103,17 @@ mod tests {
     fn lengths_have_units_that_are_read_at_a_glance() {
         let texts = [2.0, 1.0, 0.5, 0.01, 0.002, 200.0, 0.05].map(length);
         assert_eq!(texts, ["2 m", "1 m", "50 cm", "1 cm", "2 mm", "200 m", "5 cm"]);
+    }
+
+    #[test]
+    fn successive_frames_have_different_times() {
+        let texts = [(1.5, 24.0), (0.02, 100.0), (0.002, 960.0), (0.0104, 4000.0), (1.25e-5, 8e4)];
+        let found = texts.map(|(time, fps)| duration(time, fps));
+        assert_eq!(found, ["1.50 s", "0.02 s", "2 ms", "10.4 ms", "0.0125 ms"]);
+        for fps in [12.0, 24.0, 48.0, 100.0, 240.0, 960.0, 3000.0, 2e4] {
+            let successive = [4.0, 5.0].map(|frame| duration(frame / fps, fps));
+            assert!(successive[0] != successive[1], "{fps}: {successive:?}");
+        }
     }
 
     #[test]

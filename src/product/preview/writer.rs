@@ -40,7 +40,7 @@ use std::{collections::BTreeSet, io, path::Path, time::Instant};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// Raised whenever a change gives the same frame another picture, but for changes of the renderer.
-const PREVIEW_VERSION: u32 = 1;
+const PREVIEW_VERSION: u32 = 2;
 
 /// What manifests call a picture.
 const KIND: &str = "preview";
@@ -285,7 +285,7 @@ impl<'a> Writer<'a> {
         if cancel.is_cancelled() {
             return Err(RunError::Interrupted);
         }
-        caption(&mut picture, &self.stage, frame.index, frame.time);
+        caption(&mut picture, &self.stage, (frame.index, frame.time), self.fps);
         notes.extend(remark(left_out));
         Ok(Drawn { picture, made_of, notes })
     }

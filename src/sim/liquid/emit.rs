@@ -8,7 +8,7 @@ use super::{
     inflow::{Emitter, EmitterStep, Inflow, LayerPoint, MIN_SOLID_DISTANCE, is_free, leads_into_solid},
     solve::Pin,
 };
-use crate::{math::Vec3, space::CellGrid};
+use crate::{math::Vec3, par, space::CellGrid};
 
 /// Distance from a solid at which a particle in a nozzle is let go, in spacings. It is below [`MIN_SOLID_DISTANCE`], so that rounding
 /// lets none go.
@@ -142,14 +142,12 @@ impl Liquid {
             .iter()
             .fold(Vec3::repeat(-f32::INFINITY), |high, e| high.sup(&e.end))
             .add_scalar(spacing);
-        let (mut near, mut in_nozzle) = (Vec::new(), Vec::new());
-        for (i, x) in self.x.iter().enumerate() {
-            let x = x + self.v[i] * dt;
-            if (0..3).all(|axis| low[axis] <= x[axis] && x[axis] <= high[axis]) {
-                near.push(x);
-                in_nozzle.push(self.nozzle[i] != 0);
-            }
-        }
+        let is_near = |x: &Vec3| (0..3).all(|axis| low[axis] <= x[axis] && x[axis] <= high[axis]);
+        let found = par::map_chunks(self.x.len(), par::CHUNK, |range| {
+            let moved = range.map(|i| (self.x[i] + self.v[i] * dt, self.nozzle[i] != 0));
+            moved.filter(|(x, _)| is_near(x)).collect::<Vec<_>>()
+        });
+        let (near, in_nozzle): (Vec<Vec3>, Vec<bool>) = found.into_iter().flatten().unzip();
         let grid = CellGrid::new(&near, spacing);
         let wanted = entering.len();
         entering.retain(|entering| {

@@ -38,6 +38,10 @@ const SURFACE_GRADIENT: f64 = 1.5;
 /// rough by 0.2 spacings 0.08 in the median; a splashing dam break has more than 0.4 from eight neighbours on.
 const MIN_SPAN: f32 = 0.2;
 
+/// Fewest particles of the bulk whose density counts as that of the others around; with fewer, the volume is that at rest. A jet that has just
+/// left its nozzle has one or two, at its uneven front; if it took more, the swelling of thin jets would not be measured.
+const MIN_BULK_PARTICLES: u32 = 8;
+
 /// Distance below which particles are connected, in spacings: between the face diagonal of the seeding lattice (1.41), which
 /// a liquid at rest density keeps, and its body diagonal. With 2 spacings, drops that pass each other are one component.
 const CONNECTED: f32 = 1.5;
@@ -106,7 +110,10 @@ impl Particles<'_> {
             let value = |i: usize| if is_bulk(i) { error(f64::from(self.ratio[i]) - 1.0) } else { 0.0 };
             par::sum(count, value) / f64::from(bulk_particles.max(1))
         };
-        let relative_volume = par::sum(count, |i| self.relative_volume(i, is_bulk));
+        let relative_volume = match bulk_particles >= MIN_BULK_PARTICLES {
+            true => par::sum(count, |i| self.relative_volume(i, is_bulk)),
+            false => count as f64,
+        };
         let roots = forest.roots();
         Measures {
             compression: mean(|c| c.max(0.0)),

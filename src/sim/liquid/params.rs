@@ -151,16 +151,16 @@ impl LiquidParams {
 
     /// Whether a source or an emitter has its own viscosity.
     pub(super) fn has_viscosity_by_source(&self) -> bool {
-        self.own_viscosities().any(|own| own.is_some())
+        self.each_viscosity().any(|viscosity| viscosity.is_some())
     }
 
     /// Dynamic viscosity of each source and, after them, of each emitter [Pa·s]; empty without `liquid.viscosity`.
     pub(super) fn viscosities(&self) -> Vec<f32> {
         let Some(all) = &self.viscosity else { return Vec::new() };
-        self.own_viscosities().map(|own| own.unwrap_or(all.dynamic)).collect()
+        self.each_viscosity().map(|viscosity| viscosity.unwrap_or(all.dynamic)).collect()
     }
 
-    fn own_viscosities(&self) -> impl Iterator<Item = Option<f32>> + '_ {
+    fn each_viscosity(&self) -> impl Iterator<Item = Option<f32>> + '_ {
         let sources = self.source.iter().map(|source| source.viscosity);
         sources.chain(self.emitter.iter().map(|emitter| emitter.viscosity))
     }
@@ -184,7 +184,7 @@ pub enum LiquidChannel {
     /// since the start of the shot [s].
     Age,
     /// Index of the particle's `[[liquid.source]]`, from 0; those of `[[liquid.emitter]]` follow. Frames have it in any case
-    /// where a source has its own viscosity.
+    /// where a source or an emitter has its own viscosity.
     Source,
     /// Dynamic viscosity of the particle's source [Pa·s]; needs the table `liquid.viscosity`.
     Viscosity,
@@ -378,7 +378,8 @@ pub struct LiquidSource {
     #[serde(default)]
     pub velocity: [f32; 3],
     /// Dynamic viscosity of this source's liquid [Pa·s], which needs the table `liquid.viscosity`; absent: the table's `dynamic`.
-    /// Liquids do not mix: each particle keeps its viscosity. Between two, the thinner one shears, as in layers on top of each other.
+    /// Liquids do not mix: each particle keeps its viscosity. The shear stress is continuous from one to another,
+    /// so that the thinner one shears faster. Ratios below 1e-12 count as that.
     /// Range: above 0, at most 1e8.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub viscosity: Option<f32>,

@@ -93,11 +93,7 @@ impl Liquid {
         let by_source = self.params.viscosities();
         match &self.params.viscosity {
             Some(viscosity) if !self.has_sources => vec![viscosity.dynamic; self.x.len()],
-            _ => self
-                .source
-                .iter()
-                .map(|&source| by_source.get(source as usize).copied().unwrap_or_default())
-                .collect(),
+            _ => self.source.iter().map(|&source| by_source[source as usize]).collect(),
         }
     }
 
@@ -125,7 +121,9 @@ impl Liquid {
         liquid.id = stream.u32("id").ok_or(missing("id"))?.to_vec();
         if liquid.has_sources {
             let name = LiquidChannel::Source.name();
-            liquid.source = stream.u32(name).ok_or(missing(name))?.to_vec();
+            let count = (liquid.params.source.len() + liquid.params.emitter.len()) as u32;
+            let is_valid = |source: &&[u32]| source.iter().all(|&source| source < count);
+            liquid.source = stream.u32(name).filter(is_valid).ok_or(missing(name))?.to_vec();
         }
         liquid.restore_flow(stream)?;
         if let Some(microrotation) = &mut liquid.microrotation {

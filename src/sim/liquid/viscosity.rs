@@ -14,7 +14,8 @@
 //! and docs/decisions/018).
 //!
 //! Symbols: v_ij → `u` [m/s]; x_ij/h → `d`; Δt A → [`ViscosityPass`]; ν → `nu` [m²/s].
-//! Limits: A also resists compression, with a bulk viscosity of 5/3 μ, which motion at constant density does not show.
+//! Limits: A also resists compression, with a bulk viscosity of 5/3 μ, which motion at constant density does not show. The tolerance is
+//! relative to the change of all velocities, so that thin liquid next to much stiffer one is solved less precisely.
 
 use super::{
     ImplicitViscosity, LiquidParams,
@@ -206,10 +207,10 @@ impl ViscositySolver {
         let Self { drag, direction, product, by_source, .. } = self;
         let (drag, direction, is_uniform) = (&**drag, &**direction, by_source.is_empty());
         let partials = par::map_chunks_mut([product.as_mut_slice()], par::CHUNK, |start, [product]| {
-            let operands = Operands { nodes, direction, lists: step.lists, drag, start, product };
+            let buffers = OperatorBuffers { nodes, direction, lists: step.lists, drag, start, product };
             match is_uniform {
-                true => pass::run(step.rest.kernel, ViscosityPass::<true>(operands)),
-                false => pass::run(step.rest.kernel, ViscosityPass::<false>(operands)),
+                true => pass::run(step.rest.kernel, ViscosityPass::<true>(buffers)),
+                false => pass::run(step.rest.kernel, ViscosityPass::<false>(buffers)),
             }
         });
         partials.into_iter().sum()
@@ -236,8 +237,10 @@ impl ViscositySolver {
     }
 }
 
-/// Weight of a pair of particles: the sum of theirs for the harmonic mean of both viscosities, f_i ν and f_j ν, which a series of two
-/// layers has. The values of the nodes are the weights w for each particle's own viscosity, those of the directions the fractions f.
+/// Weight of a pair: w_i + w_j, or with viscosities of fractions f of the largest 2 (w_i f_j + w_j f_i)/(f_i + f_j).
+///
+/// The values of `own` and `other` are the weights w, each for the particle's own viscosity; those of `own_v` and `other_v` are the fractions. The
+/// second form is that of the harmonic mean of both viscosities, which two layers in series have.
 #[inline(always)]
 fn pair_weight<L: Lanes, const UNIFORM: bool>(
     own: [L; 4],
@@ -284,10 +287,10 @@ impl NeighbourPass for WeightPass<'_> {
 }
 
 /// The viscous operator on a chunk of particles, whose viscosities are equal if `UNIFORM`.
-struct ViscosityPass<'a, const UNIFORM: bool>(Operands<'a>);
+struct ViscosityPass<'a, const UNIFORM: bool>(OperatorBuffers<'a>);
 
-/// What the operator reads, and where it writes.
-struct Operands<'a> {
+/// Inputs and output of the viscous operator on a chunk of particles.
+struct OperatorBuffers<'a> {
     /// Positions over h, and weights.
     nodes: &'a [Node],
     /// Direction, and viscosity over the largest.
@@ -304,7 +307,7 @@ impl<const UNIFORM: bool> NeighbourPass for ViscosityPass<'_, UNIFORM> {
 
     #[inline(always)]
     fn run<L: Lanes, P: Pair>(self) -> f64 {
-        let Operands { nodes, direction, lists, drag, start, product } = self.0;
+        let OperatorBuffers { nodes, direction, lists, drag, start, product } = self.0;
         let mut curvature = 0.0;
         for (offset, product) in product.iter_mut().enumerate() {
             let i = start + offset;
@@ -340,8 +343,8 @@ mod tests {
         solid::{Shape, Solid},
     };
 
-    /// Applies viscosity with Δt ν/spacing² = `number` to the velocities `motion` of a disordered block. Every third particle has that
-    /// times `fraction`.
+    /// Applies viscosity with Δt ν/spacing² = `number` to the velocities `motion` of a disordered block. The viscosity of
+    /// every third particle is `fraction` of that.
     fn applied(
         number: f32,
         fraction: f32,

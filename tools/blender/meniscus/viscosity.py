@@ -26,11 +26,18 @@ def read_preset(folder: Path) -> dict[str, object]:
 
 
 def read_viscosity(folder: Path) -> float:
-    """The dynamic viscosity [Pa·s] that the preset in a shot folder names; 0 where there is no preset or viscosity."""
-    try:
-        value = read_preset(folder)["liquid"]["viscosity"]["dynamic"]
-    except (KeyError, TypeError):
+    """The largest dynamic viscosity [Pa·s] that the preset in a shot folder names; 0 where there is no preset or viscosity."""
+    liquid = read_preset(folder).get("liquid")
+    if not isinstance(liquid, dict) or not isinstance(liquid.get("viscosity"), dict):
         return 0.0
+    lists = [entries for entries in (liquid.get("source"), liquid.get("emitter")) if isinstance(entries, list)]
+    entries = [entry for entries in lists for entry in entries if isinstance(entry, dict)]
+    values = [liquid["viscosity"].get("dynamic"), *(entry.get("viscosity") for entry in entries)]
+    return max(map(in_pascal_seconds, values))
+
+
+def in_pascal_seconds(value: object) -> float:
+    """A viscosity of a preset [Pa·s]; 0 of what is none."""
     if isinstance(value, str):
         match = NUMBER.fullmatch(value)
         value = float(match[1]) * (1e-3 if match[2] else 1.0) if match else 0.0

@@ -1,6 +1,6 @@
 //! An emitter: a seeding lattice that moves through a nozzle.
 //!
-//! *Method*: layers of the seeding lattice, a spacing or a little more apart, move with the flow in the nozzle's own coordinates. How far they have
+//! *Method*: layers of the seeding lattice, a spacing or a little more apart (`nozzle.rs`), move with the flow in the nozzle's own coordinates. How far they have
 //! moved is the integral of the speed over time, in double precision and part of the state. A layer enters a column when half of it
 //! has passed the column's front, so that the volume is that of the flow within a layer at any time, and places depend on the
 //! length alone: neither the substep nor a change of the rate opens a gap or lets layers overlap.

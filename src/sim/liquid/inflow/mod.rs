@@ -1,6 +1,6 @@
 //! Inflow: particles that emitters add while the shot runs.
 //!
-//! *Method*: see `emitter.rs` for the moving seeding lattice. A particle that has entered moves with its seeding lattice, whatever the density solve
+//! *Method*: see `emitter.rs` for the moving seeding lattice, and `nozzle.rs` for the shifts of its columns. A particle that has entered moves with its seeding lattice, whatever the density solve
 //! wants, until it is farther than the kernel's support from the place where the last layer enters: those in front of it then have
 //! all of their neighbours, and are neither sucked back nor pushed by a surface that is not there. It pushes the liquid like a moving
 //! solid, and its work raises the bound of the energy. When the flow stops, the nozzle's particles are let go.

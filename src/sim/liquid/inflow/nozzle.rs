@@ -26,22 +26,26 @@ const ARRIVED: f64 = 1e-3;
 /// Most steps along a ray; one that grazes the shape until then has arrived if it is within ten times [`ARRIVED`].
 const MAX_TRACING_STEPS: usize = 200;
 
-/// Shifts along the flow from a column to the next along each axis, in spacings: 1/ρ and 1/ρ² of the plastic number ρ = 1.3247, the root of
-/// ρ³ = ρ + 1.
+/// Shifts along the flow from a column to the next along each axis, in distances of layers: 1/ρ and 1/ρ² of the plastic number ρ = 1.3247,
+/// the root of ρ³ = ρ + 1.
 ///
-/// A falling jet is stretched along the flow and contracts across it. Of a cubic seeding lattice the columns then come so close that
-/// the density rises, by 46 % when the length has doubled: pressure stops the contraction, and the jet falls apart into its layers. In this one
-/// the product of the distance along the flow and the square of that across it has a positive minimum over all pairs, since it is a
-/// norm of the cubic field of ρ (discriminant −23, the smallest of a complex cubic field). No stretching brings particles closer
-/// than 0.86 spacings, and with supports of 2 spacings and more the density stays within 1 %. [kraynik92] does the same for planar elongation, with quadratic fields.
+/// A falling jet is stretched along the flow and contracts across it. The columns of a cubic seeding lattice then come so close that the density
+/// rises, by 46 % when the length has doubled: pressure stops the contraction, and the jet falls apart into its layers. Here the distance
+/// along the flow times the square of that across it has a positive minimum over all pairs, as a norm of the cubic field of ρ
+/// (discriminant −23, the smallest of a complex cubic field). No stretching that contracts both axes alike brings particles closer than 0.86 spacings,
+/// and with Wendland's kernel and a support of 2 spacings or more the density stays within 1 %. [kraynik92] does the same for planar
+/// elongation, with quadratic fields. In a sheet, which contracts across one axis alone, pairs come closer (docs/decisions/042).
 const SHIFTS: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
 
-/// Density of the shifted seeding lattice over that at rest, which is not exceeded: even 0.2 % more would be corrected at once by particles
-/// that have left the nozzle, with velocities of 1 cm/s across the jet.
+/// Largest density of the shifted seeding lattice over that at rest. Even 0.2 % above it would be corrected at once by particles that have
+/// left the nozzle, with velocities of 1 cm/s across the jet; the lower it is, the more is a jet dilated.
 const MAX_DENSITY: f64 = 0.9999;
 
-/// Distance between the layers of the shifted seeding lattice [m]: the spacing, or up to 0.3 % more where its density would be above that
-/// at rest.
+/// Steps to find the distance of layers; each leaves a fifth of the deviation.
+const LAYER_STEPS: u32 = 12;
+
+/// Distance between the layers of the shifted seeding lattice [m]: the spacing, or where its density would be above that at rest a
+/// little more, with Wendland's kernel up to 0.3 %, with Poly6 up to 2 %.
 pub(in crate::sim::liquid) fn layer_distance(rest: &RestState) -> f64 {
     let radius = f64::from(rest.support / rest.spacing);
     let reach = radius.ceil() as i32;
@@ -65,9 +69,6 @@ pub(in crate::sim::liquid) fn layer_distance(rest: &RestState) -> f64 {
     distance * f64::from(rest.spacing)
 }
 
-/// Steps to find the distance of layers; each leaves a fifth of the deviation.
-const LAYER_STEPS: u32 = 12;
-
 /// A column of the seeding lattice.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::sim::liquid) struct Column {
@@ -75,7 +76,7 @@ pub(in crate::sim::liquid) struct Column {
     pub(in crate::sim::liquid) foot: Vector3<f64>,
     /// Distance of its front behind the reference plane [m].
     pub(in crate::sim::liquid) depth: f64,
-    /// How far its particles are behind the middle of their layer, in distances of layers, from −½ to ½.
+    /// Shift of its particles against the flow, in distances of layers, from −½ to ½.
     pub(in crate::sim::liquid) shift: f64,
 }
 

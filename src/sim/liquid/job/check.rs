@@ -97,14 +97,14 @@ fn check_viscosities(liquid: &LiquidParams, places: &Places, findings: &mut Vec<
         return;
     }
     let sources = liquid.source.iter().map(|source| source.viscosity).enumerate();
-    let sources = sources.map(|(index, own)| (format!("liquid.source.{index}.viscosity"), own));
+    let sources = sources.map(|(index, viscosity)| (format!("liquid.source.{index}.viscosity"), viscosity));
     let emitters = liquid.emitter.iter().map(|emitter| emitter.viscosity).enumerate();
-    let emitters = emitters.map(|(index, own)| (format!("liquid.emitter.{index}.viscosity"), own));
-    for (key, own) in sources.chain(emitters).filter_map(|(key, own)| Some((key, own?))) {
-        let message = "a viscosity of its own needs the table `liquid.viscosity`";
-        let found = format!("found {own} Pa·s, and no `[liquid.viscosity]`");
-        let help =
-            "add `[liquid.viscosity]` with `dynamic`, the viscosity of the other sources, or remove the key";
+    let emitters =
+        emitters.map(|(index, viscosity)| (format!("liquid.emitter.{index}.viscosity"), viscosity));
+    for (key, viscosity) in sources.chain(emitters).filter_map(|(key, viscosity)| Some((key, viscosity?))) {
+        let message = format!("`{key}` needs the table `liquid.viscosity`");
+        let found = format!("found {viscosity} Pa·s, and no `[liquid.viscosity]`");
+        let help = "add `[liquid.viscosity]` with `dynamic`, the viscosity of sources and emitters that name none, or remove the key";
         findings.push(Finding::new(places.of(&key), &key, message, found).with_help(help));
     }
     if liquid.channels.contains(&LiquidChannel::Viscosity) {

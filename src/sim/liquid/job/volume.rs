@@ -8,15 +8,10 @@ use crate::{
         liquid::{Constraint, LiquidParams, LiquidRecord},
     },
 };
-use std::ops::Range;
 
 /// Change of volume from which a shot warns, and beyond which `tradeoff` recommends no setting [1]. Drafts of the built-in presets
 /// of splashes stay within 2.7 %, but for the torn films of figure-bath with 6.7 %; at 3 % the level of a full glass sinks visibly.
 pub(super) const MAX_VOLUME_CHANGE: f64 = 0.03;
-
-/// Numbers of particles of the bulk whose volume is no measure of the others', as when a jet has just left its nozzle. Without any, none
-/// is measured.
-const TOO_FEW_TO_JUDGE: Range<u32> = 1..8;
 
 /// The largest `liquid.density_dev` that does not itself allow a visible loss of volume.
 const MAX_USUAL_DENSITY_DEV: f32 = 0.01;
@@ -27,7 +22,6 @@ pub(super) fn warning(liquid: &LiquidParams, frames: &[(FrameIndex, FrameRecord)
     let mut records: Vec<(FrameIndex, &LiquidRecord)> =
         frames.iter().filter_map(|(index, record)| Some((*index, record.liquid.as_ref()?))).collect();
     records.sort_by_key(|(index, _)| *index);
-    records.retain(|(_, record)| !TOO_FEW_TO_JUDGE.contains(&record.bulk_particles));
     // NaN is reported too.
     let is_off = |change: f64| change.is_nan() || change.abs() > MAX_VOLUME_CHANGE;
     let (first, _) = records.iter().find(|(_, record)| is_off(record.volume_change))?;
@@ -134,10 +128,6 @@ mod tests {
     fn a_change_of_volume_is_reported_once_with_its_frames() {
         let steady = frames(&[0.0, 0.029, -0.029], |_| {});
         assert_eq!(warned(|_| {}, &steady), "");
-        for (bulk, is_warned) in [(7, false), (8, true)] {
-            let jet = frames(&[0.12], |record| record.bulk_particles = bulk);
-            assert_eq!(!warned(|_| {}, &jet).is_empty(), is_warned, "{bulk} particles of the bulk");
-        }
         let swollen = frames(&[0.0, 0.04, 0.25, 0.1], |_| {});
         let text =
             warned(|liquid| liquid.artificial_pressure = Some(ArtificialPressure::default()), &swollen);

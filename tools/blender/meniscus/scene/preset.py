@@ -255,6 +255,8 @@ class Writer:
                 self.shaper.note(each, "is left out, since the scene has no liquid")
             return
         values = settings.values(self.shot.liquid, "LiquidParams", self.scale)
+        if "channels" in values and not self.shot.liquid.use_viscosity:
+            values["channels"] = [channel for channel in values["channels"] if channel != "viscosity"]
         if self.shot.use_colours:
             values["channels"] = sorted({*values.get("channels", ()), "source"})
         if self.has_splash_tension():
@@ -266,7 +268,7 @@ class Writer:
             yield self.next_part()
             self.fits(each)
             placed = self.shaper.place(each, each.asset)
-            self.entry("liquid.source", each, placed, self.values(each, "source", "LiquidSource"))
+            self.entry("liquid.source", each, placed, self.liquid_values(each, "source", "LiquidSource"))
         for each in self.of("INFLOW"):
             yield self.next_part()
             self.inflow(each)
@@ -276,6 +278,14 @@ class Writer:
             if ranges is not None:
                 placed = self.shaper.place(each, each.asset)
                 self.entry("liquid.outflow", each, placed, {"on": ranges} if ranges else {})
+
+    def liquid_values(self, each: Sampled, role: str, kind: str) -> dict[str, object]:
+        """The settings of a source or an inflow, whose own viscosity needs that of the scene."""
+        found = dict(self.values(each, role, kind))
+        if "viscosity" in found and not self.shot.liquid.use_viscosity:
+            del found["viscosity"]
+            self.shaper.note(each, "its viscosity is left out, since the scene's liquid has none. Switch on Viscosity in Scene > Meniscus")
+        return found
 
     def has_splash_tension(self) -> bool:
         return self.shot.use_splash_tension and self.shot.liquid.use_surface_tension
@@ -291,7 +301,7 @@ class Writer:
             return
         placed = self.shaper.place(each, each.asset)
         self.fits(each)
-        found = dict(self.values(each, "emitter", "LiquidEmitter"))
+        found = self.liquid_values(each, "emitter", "LiquidEmitter")
         for key in ("velocity", "direction"):
             if key in found:
                 found[key] = clean_vector(placed.axes @ np.array(found[key]))

@@ -36,6 +36,8 @@ STARTS = {
     "BodyParams.density": 500.0,
     "LiquidEmitter.rate": 0.0001,
     "ImplicitViscosity.dynamic": 1.0,
+    "LiquidSource.viscosity": 10.0,
+    "LiquidEmitter.viscosity": 10.0,
     "Viscosity.nu": 0.0005,
     "Repulsion.energy": 0.5,
     "Repulsion.range": 0.004,
