@@ -262,6 +262,7 @@ def check_settings(folder: Path) -> None:
         nozzle.keyframe_insert("meniscus.is_on", frame=frame)
     tank = add("tank")
     tank.meniscus.collider.use_contact_angle, scene.meniscus.liquid.use_surface_tension = True, False
+    nozzle.meniscus.emitter.use_viscosity, scene.meniscus.liquid.use_viscosity = True, False
     camera = bpy.data.objects.new("View", bpy.data.cameras.new("View"))
     scene.collection.objects.link(camera)
     scene.camera = camera
@@ -275,6 +276,12 @@ def check_settings(folder: Path) -> None:
     check(data["world"]["collider"][0]["shape"]["tank"]["max"] == [1, 0.5, 1], "a tank is its box in metres")
     noted(notes, "Tank", "contact angle", "left out")
     emitter = data["liquid"]["emitter"][0]
+    noted(notes, "viscosity is left out", "the scene's liquid has none")
+    check("viscosity" not in emitter, "a viscosity of a nozzle needs that of the liquid", emitter)
+    scene.meniscus.liquid.use_viscosity = True
+    thick = write(scene, "viscosity of a nozzle")[0]["liquid"]
+    check(thick["emitter"][0]["viscosity"] == 10 and "viscosity" in thick, "a nozzle has its own viscosity", thick["emitter"][0])
+    scene.meniscus.liquid.use_viscosity = False
     check(emitter["shape"]["disc"]["normal"] == [0, 0, 1], "a nozzle points along its Z axis", emitter)
     rates = [(key["frame"], round(key["rate"], 9)) for key in emitter["rate_keyframes"]]
     check(rates[0] == (2, 0.0001) and rates[-1] == (20, 0.0004), "rates over time are in m³/s", rates)
