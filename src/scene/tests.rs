@@ -497,23 +497,6 @@ fn the_simulation_key_changes_with_what_is_simulated_and_with_nothing_else() {
 }
 
 #[test]
-fn a_viscosity_of_a_source_needs_the_table_of_viscosity() {
-    let own = "liquid.source.0.viscosity=10 Pa·s";
-    let nozzle = "liquid.emitter=[{ shape = { disc = { center = [0, 0, 1], normal = [0, 0, -1], radius = 0.1 } }, rate = 0.01, viscosity = 3 }]";
-    for set in [own, nozzle, "liquid.channels=[\"viscosity\"]"] {
-        let text = rendered(&read_set(GOOD, &[set]).unwrap_err());
-        assert!(text.contains("add `[liquid.viscosity]` with `dynamic`"), "{text}");
-    }
-    let table = "liquid.viscosity={ dynamic = 1 }";
-    let scene = read_set(GOOD, &[own, table, "liquid.channels=[\"viscosity\"]"]).unwrap();
-    assert_eq!(scene, read(&scene.to_toml()).unwrap());
-    // Frames have the source where it decides the viscosity.
-    let wanted = "surface.attributes=[\"source\"]";
-    assert!(read_set(GOOD, &[own, table, wanted]).is_ok() && read_set(GOOD, &[table, wanted]).is_err());
-    assert!(read_set(GOOD, &["liquid.source.0.viscosity=0", table]).is_err());
-}
-
-#[test]
 fn the_cache_must_have_the_attributes_of_the_surface() {
     assert!(!read(GOOD).unwrap().to_toml().contains("channels"), "absent, it is in no key and no preset");
     let wanted = "surface.attributes=[\"velocity\", \"source\"]";

@@ -20,6 +20,12 @@ fn two_viscosities(channels: &str) -> String {
     two_sources(channels).replace("[[liquid.source]]\nshape = { box = { min = [1.2", table)
 }
 
+/// The vertices of a PLY mesh.
+fn vertices(desk: &Desk, file: &str) -> Vec<DefaultElement> {
+    let mut file = fs::File::open(desk.path(file)).unwrap();
+    Parser::<DefaultElement>::new().read_ply(&mut file).unwrap().payload.swap_remove("vertex").unwrap()
+}
+
 fn frame(desk: &Desk, shot: &str, number: u32) -> Frame {
     cache::read_frame(&desk.path(&format!("{shot}/cache/frame_{number:04}.mcf"))).unwrap().0
 }
@@ -65,9 +71,7 @@ fn age_and_source_are_transferred_where_they_are_named_and_nowhere_else() {
         assert_eq!(manifest["outputs"][0]["attributes"], attributes_of);
     }
     for (number, age) in [(1, 0.0), (3, 2.0 / 24.0)] {
-        let path = desk.path(&format!("kept/mesh/liquid_{number:04}.ply"));
-        let ply = Parser::<DefaultElement>::new().read_ply(&mut fs::File::open(path).unwrap()).unwrap();
-        let vertices = &ply.payload["vertex"];
+        let vertices = vertices(&desk, &format!("kept/mesh/liquid_{number:04}.ply"));
         let source = |vertex: &DefaultElement| match vertex["source"] {
             Property::UInt(source) => source,
             ref other => panic!("{other:?}"),
@@ -107,9 +111,8 @@ fn each_source_keeps_its_viscosity_and_gives_it_to_the_surface() {
     assert!(expected.contains(&2.0) && expected.contains(&300.0));
 
     desk.run("mesh kept --set surface.attributes=[\"viscosity\"] --frames 1,5", 0);
-    let path = desk.path("kept/mesh/liquid_0005.ply");
-    let ply = Parser::<DefaultElement>::new().read_ply(&mut fs::File::open(path).unwrap()).unwrap();
-    let values = ply.payload["vertex"].iter().map(|vertex| match vertex["viscosity"] {
+    let vertices = vertices(&desk, "kept/mesh/liquid_0005.ply");
+    let values = vertices.iter().map(|vertex| match vertex["viscosity"] {
         Property::Float(value) => value,
         ref other => panic!("{other:?}"),
     });

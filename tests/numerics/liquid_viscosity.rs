@@ -15,17 +15,25 @@ use std::f64::consts::PI;
 const FRAME: f64 = 1.0 / 24.0;
 const SPACING: f64 = 0.02;
 
+/// A liquid of `viscosity` [Pa·s] in boxes with velocities [m/s].
 fn simulation(
     world: World,
     viscosity: f64,
     more: &str,
     sources: &[([f64; 3], [f64; 3], [f64; 3])],
 ) -> Simulation {
-    let mut text = format!("spacing = {SPACING}\nviscosity.dynamic = {viscosity}\n{more}\n");
-    for (min, max, velocity) in sources {
-        text += &format!(
-            "[[source]]\nvelocity = {velocity:?}\nshape = {{ box = {{ min = {min:?}, max = {max:?} }} }}\n"
-        );
+    let source = |(min, max, velocity): &([f64; 3], [f64; 3], [f64; 3])| {
+        (*min, *max, format!("velocity = {velocity:?}"))
+    };
+    let more = format!("viscosity.dynamic = {viscosity}\n{more}");
+    boxes(world, &more, &sources.iter().map(source).collect::<Vec<_>>())
+}
+
+/// A liquid in boxes, each with more keys of its source.
+fn boxes(world: World, more: &str, sources: &[([f64; 3], [f64; 3], String)]) -> Simulation {
+    let mut text = format!("spacing = {SPACING}\n{more}\n");
+    for (min, max, keys) in sources {
+        text += &format!("[[source]]\n{keys}\nshape = {{ box = {{ min = {min:?}, max = {max:?} }} }}\n");
     }
     let params: LiquidParams = toml::from_str(&text).unwrap_or_else(|error| panic!("{error}"));
     Simulation::new(world, Some(params)).expect("the sources hold particles")
@@ -170,28 +178,17 @@ fn under_a_lid(depth: f64, speed: f64) -> World {
     World { gravity: Vec3::zeros(), solids: vec![Solid::fixed(plane(0.0, 1.0)), lid] }
 }
 
-/// Sources of different viscosities, as box and Pa·s.
-fn several(world: World, more: &str, sources: &[([f64; 3], [f64; 3], f64)]) -> Simulation {
-    let mut text = format!("spacing = {SPACING}\nviscosity.dynamic = 1\n{more}\n");
-    for (min, max, viscosity) in sources {
-        text += &format!(
-            "[[source]]\nviscosity = {viscosity}\nshape = {{ box = {{ min = {min:?}, max = {max:?} }} }}\n"
-        );
-    }
-    let params: LiquidParams = toml::from_str(&text).unwrap_or_else(|error| panic!("{error}"));
-    Simulation::new(world, Some(params)).expect("the sources hold particles")
-}
-
 #[test]
 fn the_shear_stress_of_two_layers_is_continuous() {
     // Steady Couette flow: the rates of shear are as 1/μ, so that the interface moves with μ₁/(μ₀ + μ₁) of the lid.
     let (depth, speed) = (0.2, 0.5);
     for [below, above] in [[80.0, 20.0], [20.0, 80.0], [400.0, 20.0]] {
+        let keys = |viscosity: f64| format!("viscosity = {viscosity}");
         let layers = [
-            ([0.0; 3], [0.8, 0.24, 0.5 * depth], below),
-            ([0.0, 0.0, 0.5 * depth], [0.8, 0.24, depth], above),
+            ([0.0; 3], [0.8, 0.24, 0.5 * depth], keys(below)),
+            ([0.0, 0.0, 0.5 * depth], [0.8, 0.24, depth], keys(above)),
         ];
-        let mut simulation = several(under_a_lid(depth, speed), "", &layers);
+        let mut simulation = boxes(under_a_lid(depth, speed), "viscosity.dynamic = 1", &layers);
         advance(&mut simulation, 16);
         let interface = above / (below + above);
         let exact = |z: f64| match 2.0 * z / depth {

@@ -32,7 +32,8 @@ use crate::{math::Vec3, par, simd::Lanes, space::Neighbours};
 /// still has its viscosity; without it, two particles that barely touch would be welded.
 const MIN_SUM: f32 = 0.125;
 
-/// Smallest fraction of the largest viscosity in the mean of two.
+/// Smallest fraction of the largest viscosity in the mean of two. The weight of a pair has products of it, which below 1e-38 would
+/// be zero in single precision; 1e-3 would be too large for water next to tar.
 const MIN_FRACTION: f32 = 1e-12;
 
 /// Residual over velocity below which there is nothing but rounding.
@@ -90,18 +91,17 @@ pub(super) struct ViscositySolve {
 }
 
 impl ViscositySolver {
-    /// Viscosity of the liquid.
+    /// Viscosity of a liquid with `params`, which are those of the table `viscosity`.
     pub(super) fn new(params: &ImplicitViscosity, liquid: &LiquidParams, rest: &RestState) -> Self {
         let mut by_source = liquid.viscosities();
         let largest = by_source.iter().copied().fold(0.0, f32::max);
-        if by_source.iter().all(|&own| own == largest) {
+        by_source.iter_mut().for_each(|viscosity| *viscosity = (*viscosity / largest).max(MIN_FRACTION));
+        if by_source.iter().all(|&fraction| fraction == 1.0) {
             by_source.clear();
         }
-        // Squares of the smallest positive fractions are zero in single precision.
-        by_source.iter_mut().for_each(|own| *own = (*own / largest).max(MIN_FRACTION));
         Self {
             params: params.clone(),
-            nu: if largest > 0.0 { largest } else { params.dynamic } / liquid.density,
+            nu: largest / liquid.density,
             by_source,
             kernel: ViscousKernel::new(rest),
             drag: Vec::new(),
@@ -339,7 +339,7 @@ impl<const UNIFORM: bool> NeighbourPass for ViscosityPass<'_, UNIFORM> {
 mod tests {
     use super::*;
     use crate::{
-        sim::liquid::{Constraint, Kernel, setup::SolverSetup, solve::Solver},
+        sim::liquid::{Constraint, Kernel, LiquidSource, setup::SolverSetup, solve::Solver},
         solid::{Shape, Solid},
     };
 
@@ -373,9 +373,18 @@ mod tests {
             tolerance: 1e-4,
             max_iterations: 1000,
         };
-        let liquid = LiquidParams { density: 1.0, ..LiquidParams::new(spacing) };
+        let of_source = |viscosity| {
+            let shape = Shape::Sphere { center: [0.0; 3], radius: 1.0 };
+            LiquidSource { shape, velocity: [0.0; 3], viscosity }
+        };
+        let liquid = LiquidParams {
+            density: 1.0,
+            viscosity: Some(params.clone()),
+            source: vec![of_source(None), of_source(Some(fraction * params.dynamic))],
+            ..LiquidParams::new(spacing)
+        };
         let mut viscosity = ViscositySolver::new(&params, &liquid, &rest);
-        viscosity.by_source = if fraction < 1.0 { vec![1.0, fraction] } else { Vec::new() };
+        assert_eq!(viscosity.by_source.is_empty(), fraction == 1.0);
         let source: Vec<u32> = (0..512).map(|k| u32::from(k % 3 == 0)).collect();
         let before: Vec<Vec3> = p.iter().map(|&x| motion(x)).collect();
         let mut after = before.clone();

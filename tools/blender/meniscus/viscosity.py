@@ -14,7 +14,8 @@ FILE = "preset.toml"
 MAX_BYTES = 16 << 20
 # From this dynamic viscosity on a liquid is shown as honey [Pa·s]. Oil has 0.1, syrup 2 and honey 10.
 THICK = 1.0
-NUMBER = re.compile(r"\s*([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(m?)Pa·?s\s*")
+NUMBER = re.compile(r"\s*([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*([mkM]?)Pa·?s\s*")
+PREFIXES = {"": 1.0, "m": 1e-3, "k": 1e3, "M": 1e6}
 
 
 def read_preset(folder: Path) -> dict[str, object]:
@@ -40,5 +41,5 @@ def in_pascal_seconds(value: object) -> float:
     """A viscosity of a preset [Pa·s]; 0 of what is none."""
     if isinstance(value, str):
         match = NUMBER.fullmatch(value)
-        value = float(match[1]) * (1e-3 if match[2] else 1.0) if match else 0.0
+        value = float(match[1]) * PREFIXES[match[2]] if match else 0.0
     return float(value) if type(value) in (int, float) and math.isfinite(value) else 0.0

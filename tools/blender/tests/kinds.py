@@ -304,7 +304,7 @@ def stage_forms(folder: Path) -> None:
         (thick.parent / "preset.toml").write_text(f"[liquid.viscosity]\ndynamic = {text}\n", encoding="utf-8")
         found = [each.name for each in imported(thick.parent).data.materials]
         check(found == [wanted_name], f"a liquid of {text} Pa·s is {wanted_name}", found)
-    own = '[liquid.viscosity]\ndynamic = 0.001\n[[liquid.source]]\n[[liquid.emitter]]\nviscosity = "2 kPa·s"\n[[liquid.emitter]]\nviscosity = "20 Pa·s"\n'
+    own = '[liquid.viscosity]\ndynamic = 0.001\n[[liquid.source]]\n[[liquid.emitter]]\nviscosity = "0.5 Pa·s"\n[[liquid.emitter]]\nviscosity = "0.02 kPa·s"\n'
     for text, wanted_name in ((own, "Honey"), ("liquid = 3\n", "Water"), ("[liquid]\nsource = 1\nviscosity = [2]\n", "Water")):
         (thick.parent / "preset.toml").write_text(text, encoding="utf-8")
         found = [each.name for each in imported(thick.parent).data.materials]

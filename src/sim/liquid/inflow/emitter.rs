@@ -1,11 +1,12 @@
 //! An emitter: a seeding lattice that moves through a nozzle.
 //!
-//! *Method*: layers of the seeding lattice, a spacing or a little more apart (`nozzle.rs`), move with the flow in the nozzle's own coordinates. How far they have
-//! moved is the integral of the speed over time, in double precision and part of the state. A layer enters a column when half of it
-//! has passed the column's front, so that the volume is that of the flow within a layer at any time, and places depend on the
-//! length alone: neither the substep nor a change of the rate opens a gap or lets layers overlap.
+//! *Method*: layers of the seeding lattice, a spacing or a little more apart (`nozzle.rs`), move with the flow in the nozzle's own
+//! coordinates. How far they have moved is the integral of the speed over time, in double precision and part of the state. A layer
+//! enters a column when half of it has passed the column's front, so that the volume is that of the flow within a layer at any time,
+//! and places depend on the length alone: neither the substep nor a change of the rate opens a gap or lets layers overlap.
 //!
-//! Symbols: flow length L → `length` [m]; column c has layer k at L − (k + ½ + shift of c) `layer_distance` beyond the reference plane → [`Emitter::place`].
+//! Symbols: flow length L → `length` [m]; distance of layers d → `layer_distance` [m]; column c has layer k at
+//! L − (k + ½ + shift of c) d beyond the reference plane → [`Emitter::place`].
 
 use super::{
     LiquidEmitter,

@@ -26,19 +26,19 @@ const ARRIVED: f64 = 1e-3;
 /// Most steps along a ray; one that grazes the shape until then has arrived if it is within ten times [`ARRIVED`].
 const MAX_TRACING_STEPS: usize = 200;
 
-/// Shifts along the flow from a column to the next along each axis, in distances of layers: 1/ρ and 1/ρ² of the plastic number ρ = 1.3247,
-/// the root of ρ³ = ρ + 1.
+/// Shifts along the flow from a column to the next along each axis, in distances of layers: 1/ρ and 1/ρ² of the plastic number
+/// ρ = 1.3247, the root of ρ³ = ρ + 1.
 ///
-/// A falling jet is stretched along the flow and contracts across it. The columns of a cubic seeding lattice then come so close that the density
-/// rises, by 46 % when the length has doubled: pressure stops the contraction, and the jet falls apart into its layers. Here the distance
-/// along the flow times the square of that across it has a positive minimum over all pairs, as a norm of the cubic field of ρ
-/// (discriminant −23, the smallest of a complex cubic field). No stretching that contracts both axes alike brings particles closer than 0.86 spacings,
-/// and with Wendland's kernel and a support of 2 spacings or more the density stays within 1 %. [kraynik92] does the same for planar
-/// elongation, with quadratic fields. In a sheet, which contracts across one axis alone, pairs come closer (docs/decisions/042).
+/// A falling jet is stretched along the flow and contracts across it. The columns of a cubic seeding lattice then come so close that
+/// the density rises, by 46 % when the length has doubled: pressure stops the contraction, and the jet falls apart into its layers.
+/// Here the distance along the flow times the square of that across it has a positive minimum over all pairs, as a norm of the cubic
+/// field of ρ. No stretching that contracts both axes alike brings particles closer than 0.86 spacings, and with Wendland's kernel and
+/// a support of 2 spacings or more the density stays within 1 %. [kraynik92] does the same for planar elongation, with quadratic
+/// fields. In a sheet, which contracts across one axis alone, pairs come closer (docs/decisions/042).
 const SHIFTS: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
 
-/// Largest density of the shifted seeding lattice over that at rest. Even 0.2 % above it would be corrected at once by particles that have
-/// left the nozzle, with velocities of 1 cm/s across the jet; the lower it is, the more is a jet dilated.
+/// Largest density of the shifted seeding lattice over that at rest. Even 0.2 % above it would be corrected at once by particles that
+/// have left the nozzle, with velocities of 1 cm/s across the jet; the lower it is, the more is a jet dilated.
 const MAX_DENSITY: f64 = 0.9999;
 
 /// Steps to find the distance of layers; each leaves a fifth of the deviation.

@@ -202,3 +202,34 @@ pub(super) fn check_attributes(scene: &Scene, places: &Places, findings: &mut Ve
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::scene::{Overrides, Scene, load};
+
+    /// The dam break with these settings; the message where it is refused.
+    fn dam_break(set: &[&str]) -> Result<Scene, String> {
+        let preset = load("dam-break").expect("a built-in preset");
+        let set = set.iter().map(ToString::to_string).collect();
+        Scene::from_preset(&preset, &Overrides { quality: None, set }).map_err(|error| format!("{error:?}"))
+    }
+
+    #[test]
+    fn a_viscosity_of_a_source_needs_the_table_of_viscosity() {
+        let own = "liquid.source.0.viscosity=10 Pa·s";
+        let disc = "shape = { disc = { center = [0, 0, 1], normal = [0, 0, -1], radius = 0.1 } }";
+        let nozzle = format!("liquid.emitter=[{{ {disc}, rate = 0.01, viscosity = 3 }}]");
+        for set in [own, &nozzle, "liquid.channels=[\"viscosity\"]"] {
+            let error = dam_break(&[set]).unwrap_err();
+            assert!(error.contains("add `[liquid.viscosity]` with `dynamic`"), "{error}");
+        }
+        let table = "liquid.viscosity={ dynamic = 1 }";
+        for set in [own, &nozzle, "liquid.channels=[\"viscosity\"]"] {
+            dam_break(&[set, table]).unwrap();
+        }
+        // Frames have the source where it decides the viscosity.
+        let wanted = "surface.attributes=[\"source\"]";
+        assert!(dam_break(&[own, table, wanted]).is_ok() && dam_break(&[table, wanted]).is_err());
+        assert!(dam_break(&["liquid.source.0.viscosity=0", table]).is_err());
+    }
+}
