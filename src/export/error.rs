@@ -1,6 +1,6 @@
 //! Why a file could not be written.
 
-use crate::{cache::is_full, control::printable_path, mesh::Mesh};
+use crate::{cache::is_full, control::printable_path, frame::COLOR, mesh::Mesh};
 use std::{
     collections::HashSet,
     io,
@@ -100,6 +100,7 @@ pub(super) fn check_columns(mesh: &Mesh, path: &Path) -> Result<(), ExportError>
 pub(super) fn property_names(name: &str, is_vector: bool) -> Vec<String> {
     match (is_vector, name) {
         (true, "velocity") => ["vx", "vy", "vz"].map(String::from).into(),
+        (true, COLOR) => ["red", "green", "blue"].map(String::from).into(),
         (true, _) => ["x", "y", "z"].map(|axis| format!("{name}_{axis}")).into(),
         (false, _) => vec![name.to_owned()],
     }

@@ -8,6 +8,7 @@ use super::{
 };
 use crate::{
     cache::{WrittenFile, open_regular},
+    frame::COLOR,
     mesh::Mesh,
 };
 use serde::{Deserialize, Serialize};
@@ -139,7 +140,11 @@ fn attributes(header: &str) -> BTreeMap<String, Vec<String>> {
     let mut rest = names.as_slice();
     let mut found = BTreeMap::new();
     while let [first, after @ ..] = rest {
-        let vector = if *first == "vx" { Some("velocity") } else { first.strip_suffix("_x") };
+        let vector = match *first {
+            "vx" => Some("velocity"),
+            "red" => Some(COLOR),
+            other => other.strip_suffix("_x"),
+        };
         let vector = vector.map(|name| (name, property_names(name, true)));
         (rest, _) = match vector.filter(|(_, names)| rest.len() >= 3 && rest[..3] == names[..]) {
             Some((name, names)) => (&rest[3..], found.insert(name.to_owned(), names)),
@@ -183,6 +188,7 @@ mod tests {
             Channel { name: "velocity".into(), data: Vec::<Vec3>::new().into() },
             Channel { name: "source".into(), data: Vec::<u32>::new().into() },
             Channel { name: "vorticity".into(), data: Vec::<Vec3>::new().into() },
+            Channel { name: "color".into(), data: Vec::<Vec3>::new().into() },
             Channel { name: "odd_x".into(), data: Vec::<f32>::new().into() },
         ];
         let folder = tempfile::tempdir().unwrap();
@@ -191,6 +197,7 @@ mod tests {
         let found = MeshFormat::Ply.attributes_in(&path);
         let names: Vec<_> = found.iter().map(|(name, files)| (name.as_str(), files.join(" "))).collect();
         let expected = [
+            ("color", "red green blue"),
             ("odd_x", "odd_x"),
             ("source", "source"),
             ("velocity", "vx vy vz"),

@@ -4,7 +4,7 @@
 //! the [`Stream`]s of all systems, a stream holds [`Channel`]s of equal length (one entry a particle) and
 //! scalars. A stream's [`StreamKind`] defines its entries; its name, the system they belong to. Channel names in
 //! use: `position` [m], `velocity` [m/s], `id` (stable over time), `age` [s], `source` (its number, from 0),
-//! `density` [kg/m³], `microrotation` [1/s].
+//! `density` [kg/m³], `color` (linear red, green and blue), `microrotation` [1/s].
 
 mod columns;
 mod kind;
@@ -13,6 +13,9 @@ pub use columns::{Column, Columns};
 pub use kind::StreamKind;
 
 use crate::math::Vec3;
+
+/// Name of the channel of colours: linear red, green and blue from 0 to 1.
+pub const COLOR: &str = "color";
 
 /// The number of a frame, as the artist counts (frame 1 is usually the first).
 #[derive(

@@ -2,8 +2,8 @@
 
 use super::ImportError;
 use crate::{
-    frame::{Channel, ChannelData},
-    math::Vec3,
+    frame::{COLOR, Channel, ChannelData},
+    math::{Vec3, srgb},
 };
 use ply_rs_bw::{
     parser::{Parser, Reader},
@@ -25,6 +25,9 @@ pub(crate) struct Geometry {
     /// All other columns: three whose names end in those of a vector's components are one.
     pub(crate) attributes: Vec<Channel>,
 }
+
+/// The properties of colours, one after the other.
+const COLORS: [&str; 3] = ["red", "green", "blue"];
 
 /// The longest header of a file [bytes].
 pub(crate) const MAX_GEOMETRY_HEADER: usize = 1 << 16;
@@ -136,6 +139,9 @@ impl Layout {
         let (mut columns, mut stride) = (Vec::new(), 0);
         for (name, property) in &vertex.properties {
             let (kind, size) = match &property.data_type {
+                PropertyType::Scalar(kind @ ScalarType::UChar) if COLORS.contains(&name.as_str()) => {
+                    (kind, 1)
+                }
                 PropertyType::Scalar(kind @ (ScalarType::UInt | ScalarType::Float)) => (kind, 4),
                 PropertyType::Scalar(kind @ ScalarType::Double)
                     if ["x", "y", "z"].contains(&name.as_str()) =>
@@ -144,7 +150,11 @@ impl Layout {
                 }
                 other => {
                     let found = format!("the property {} of type {other:?}", name.escape_debug());
-                    return malformed("element vertex", found, "float or uint; x, y and z also double");
+                    return malformed(
+                        "element vertex",
+                        found,
+                        "float or uint; x, y and z also double; red, green and blue uchar",
+                    );
                 }
             };
             columns.push(Column { name: name.clone(), kind: kind.clone(), offset: stride });
@@ -183,8 +193,12 @@ enum Vector {
 fn vector(columns: &[Column]) -> Option<Vector> {
     let [x, y, z, ..] = columns else { return None };
     let names = [x, y, z].map(|column| column.name.as_str());
-    let is_float = matches!(x.kind, ScalarType::Float | ScalarType::Double);
-    let is_float = is_float && [y, z].iter().all(|column| column.kind == x.kind);
+    if [y, z].iter().any(|column| column.kind != x.kind) {
+        return None;
+    }
+    if x.kind == ScalarType::UChar {
+        return (names == COLORS).then(|| Vector::Attribute(COLOR.to_owned()));
+    }
     let vector = match names {
         ["x", "y", "z"] => Vector::Position,
         ["nx", "ny", "nz"] => Vector::Normal,
@@ -195,7 +209,7 @@ fn vector(columns: &[Column]) -> Option<Vector> {
             Vector::Attribute(is_one.then_some(name)?.to_owned())
         }
     };
-    is_float.then_some(vector)
+    matches!(x.kind, ScalarType::Float | ScalarType::Double).then_some(vector)
 }
 
 impl Geometry {
@@ -212,6 +226,7 @@ impl Geometry {
                 ScalarType::Float | ScalarType::Double => {
                     ChannelData::F32(rows.map(|row| number(row, first.offset)).collect())
                 }
+                ScalarType::UChar => ChannelData::U32(rows.map(|row| u32::from(row[first.offset])).collect()),
                 _ => ChannelData::U32(
                     rows.map(|row| u32::from_le_bytes(bytes_at(row, first.offset))).collect(),
                 ),
@@ -219,9 +234,13 @@ impl Geometry {
             self.attributes.push(Channel { name: first.name.clone(), data });
             return;
         };
-        let size = if is_double { 8 } else { 4 };
-        let value = |row: &[u8]| Vec3::from_fn(|axis, _| number(row, first.offset + axis * size));
-        let values: Vec<Vec3> = rows.map(value).collect();
+        let values: Vec<Vec3> = if first.kind == ScalarType::UChar {
+            let light = srgb::of_bytes();
+            rows.map(|row| Vec3::from_fn(|part, _| light[usize::from(row[first.offset + part])])).collect()
+        } else {
+            let size = if is_double { 8 } else { 4 };
+            rows.map(|row| Vec3::from_fn(|axis, _| number(row, first.offset + axis * size))).collect()
+        };
         match vector {
             Vector::Position => {
                 self.is_rounded = is_double;
@@ -283,6 +302,7 @@ mod tests {
                 channel("vorticity", ChannelData::Vec3(positions.clone())),
                 channel("odd_x", ChannelData::F32(vec![1.0, f32::NAN, 3.0])),
                 channel("source", ChannelData::U32(vec![0, 7, u32::MAX])),
+                channel("color", ChannelData::Vec3(vec![Vec3::x(), Vec3::repeat(1.0), Vec3::zeros()])),
             ],
             positions,
             ..Mesh::default()
@@ -329,7 +349,7 @@ mod tests {
         );
         let far = Mesh { origin: nalgebra::Vector3::new(1e6, 0.0, 0.0), ..mesh };
         let read = parse(&written(|path| ply::write(&far, path, &[]))).unwrap();
-        assert!(read.is_rounded && read.positions[1].x == 1_000_001.0 && read.attributes.len() == 4);
+        assert!(read.is_rounded && read.positions[1].x == 1_000_001.0 && read.attributes.len() == 5);
     }
 
     #[test]
@@ -378,6 +398,8 @@ mod tests {
             ("property float y", "property double y"),
             ("property float odd_x", "property int odd_x"),
             ("property uint source", "property int source"),
+            ("property uchar blue", "property uint blue"),
+            ("property uchar blue", "property uchar other"),
             ("uchar uint", "uchar int"),
             ("binary_little_endian", "binary_big_endian"),
             ("element face 2", "element edge 2"),

@@ -3,6 +3,7 @@
 use super::gather::{Gather, Values};
 use super::ply_numbers::{Fault, Numbers};
 use super::{ImportError, Imported, MemoryBudget};
+use crate::{frame::COLOR, math::srgb};
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{DefaultElement, ElementDef, Encoding, Header, PropertyType, ScalarType};
 use std::path::Path;
@@ -26,12 +27,16 @@ impl Rows {
 struct Column<'a> {
     name: &'a str,
     is_float: bool,
+    is_byte: bool,
     index: usize,
 }
 
 /// Three properties that make a vector: their names and the channel's.
 const VECTORS: [([&str; 3], &str); 3] =
     [(["x", "y", "z"], "position"), (["vx", "vy", "vz"], "velocity"), (["nx", "ny", "nz"], "normal")];
+
+/// Bytes that make colours in sRGB.
+const COLORS: [&str; 3] = ["red", "green", "blue"];
 
 pub(super) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<Imported, ImportError> {
     let mut reader = Reader::new(bytes);
@@ -65,6 +70,16 @@ pub(super) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<I
         if let Some(triple) = triple(*names) {
             gather.add(channel, 3, Values::Float(floats(&triple)?))?;
             used.extend(names);
+        }
+    }
+    if let Some(parts) = triple(COLORS).filter(|parts| parts.iter().all(|part| part.is_byte)) {
+        let mut values = floats(&parts)?;
+        let light = srgb::of_bytes();
+        // Text may have any integer.
+        if values.iter().all(|value| (0.0..=255.0).contains(value)) {
+            values.iter_mut().for_each(|value| *value = light[*value as usize]);
+            gather.add(COLOR, 3, Values::Float(values))?;
+            used.extend(COLORS);
         }
     }
     for column in columns.iter().filter(|column| !used.contains(&column.name)) {
@@ -207,12 +222,16 @@ fn is_float(kind: &ScalarType) -> bool {
     matches!(kind, ScalarType::Float | ScalarType::Double)
 }
 
-fn columns(vertex: &ElementDef) -> Vec<Column<'_>> {
+fn columns<'a>(vertex: &'a ElementDef) -> Vec<Column<'a>> {
     let scalars = vertex.properties.iter().filter_map(|(name, property)| match &property.data_type {
-        PropertyType::Scalar(kind) => Some((name, is_float(kind))),
+        PropertyType::Scalar(kind) => Some((name, kind)),
         PropertyType::List(..) => None,
     });
-    scalars.enumerate().map(|(index, (name, is_float))| Column { name, is_float, index }).collect()
+    let column = |(index, (name, kind)): (usize, (&'a String, &ScalarType))| {
+        let is_byte = matches!(kind, ScalarType::UChar);
+        Column { name, is_float: is_float(kind), is_byte, index }
+    };
+    scalars.enumerate().map(column).collect()
 }
 
 /// The parser's message without its line ends.

@@ -5,6 +5,7 @@ mod gmres;
 mod json;
 mod random;
 pub(crate) mod rotation;
+pub(crate) mod srgb;
 pub mod symmetric;
 
 pub(crate) use gmres::{dot, gmres};

@@ -11,7 +11,7 @@
 //! Limits: where the particles around lie in a plane or on a line, G contains only the motion along it.
 
 use crate::{
-    frame::{Channel, ChannelData, Column, Columns},
+    frame::{COLOR, Channel, ChannelData, Column, Columns},
     math::Vec3,
     par,
     space::CellGrid,
@@ -21,6 +21,9 @@ use crate::{
 /// If it is smaller, rounding of the particles' positions shows; if larger, the vorticity of thin layers is
 /// too small.
 const REGULARISATION: f64 = 1e-5;
+
+/// Names of the channels that vertices have if the parameters name none.
+const DEFAULT: [&str; 2] = ["velocity", COLOR];
 
 /// Source of an attribute.
 #[derive(Clone, Copy)]
@@ -34,7 +37,7 @@ enum Source<'a> {
 
 /// The channels `names` of `particles` at `vertices`, interpolated from the particles within `radius` [m]. Positions are finite. Also
 /// returns how many vertices had no particle within that radius and got the values of the nearest particle. Without names:
-/// `velocity`, if it exists. `vorticity` is computed from `velocity` if there is no such channel. Without particles, and at
+/// `velocity` and `color`, if they are vectors. `vorticity` is computed from `velocity` if there is no such channel. Without particles, and at
 /// vertices that are not finite, values are zero, and counted as well.
 ///
 /// # Errors
@@ -49,7 +52,8 @@ pub fn transfer<'a>(
     radius: f32,
 ) -> Result<(Vec<Channel>, usize), String> {
     let particles = &particles.into();
-    let default: Vec<String> = particles.vec3("velocity").iter().map(|_| "velocity".to_owned()).collect();
+    let default = DEFAULT.iter().filter(|name| particles.vec3(name).is_some());
+    let default: Vec<String> = default.map(|name| (*name).to_owned()).collect();
     let names = names.unwrap_or(&default);
     let sources: Vec<Source> = names
         .iter()

@@ -38,8 +38,9 @@ pub struct SurfaceParams {
     pub offset: Option<f32>,
     /// Vertex attributes, by the names of the particles' channels: numbers and vectors as the mean around the
     /// vertex, integers (`id`) from the nearest particle. `vorticity` [1/s] is computed from `velocity` if
-    /// the particles have none; `age` and `source` exist if `liquid.channels` names them. A missing channel
-    /// is an error. Absent: `velocity`, if the particles have it.
+    /// the particles have none; `age` and `source` exist if `liquid.channels` names them, and `color` (linear red, green
+    /// and blue, the mean as well) if a source or an emitter has one. A missing channel
+    /// is an error. Absent: `velocity` and `color`, if the particles have them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub attributes: Option<Vec<String>>,
     /// Smallest cavity that stays open, in particle volumes (spacing³). A cavity is a closed pocket of air in

@@ -35,7 +35,7 @@ use crate::{
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Surface {
-    /// Triangles, normals and the requested attributes; by default `velocity` [m/s] if the particles have it.
+    /// Triangles, normals and the requested attributes; by default `velocity` [m/s] and `color`, if the particles have them.
     pub mesh: Mesh,
     /// The small components that were removed, if this was requested.
     pub points: Option<Points>,

@@ -187,7 +187,10 @@ fn documented(schema: &mut Schema) {
                 ]
             }
         };
-        limits.into_iter().for_each(|(key, text)| _ = schema.insert(key.into(), number(text)));
+        // That of a list is the range of its numbers.
+        let place = if schema.get("items").is_some() { "/items" } else { "" };
+        let place = schema.pointer_mut(place).expect("schemas are objects");
+        limits.into_iter().for_each(|(key, text)| place[key] = number(text));
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod check;
 mod colliders;
+mod colors;
 mod interface;
 mod make;
 mod mesh_files;

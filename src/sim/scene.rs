@@ -225,7 +225,7 @@ impl Scene {
     /// Hash of everything that determines the simulated state: frame rate, first frame, world, systems, the bytes of the files
     /// that these name, and the solvers' version.
     ///
-    /// The title, the frames after the first, the surface, the volume, whitewater, the output, the camera, the tradeoff and the looks of colliders
+    /// The title, the frames after the first, the surface, the volume, whitewater, the output, the camera, the tradeoff, the colours of liquids and the looks of colliders
     /// do not change it. Caches store it, so that frames of another scene are recognised as stale.
     pub fn simulation_key(&self) -> u64 {
         xxhash_rust::xxh3::xxh3_64(self.decisive().as_bytes())
@@ -298,7 +298,7 @@ impl Scene {
         world.collider.iter_mut().for_each(|collider| collider.look = None);
         let mut body = body.clone();
         body.iter_mut().for_each(|body| body.look = None);
-        let mut liquid = liquid.clone();
+        let mut liquid = liquid.as_ref().map(LiquidParams::without_colors);
         if let Some(LiquidParams { channels, .. }) = &mut liquid {
             // Frames have channels in a fixed order, each once.
             channels.sort_unstable();

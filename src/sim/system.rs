@@ -14,6 +14,7 @@ use crate::{
     cache::StreamInfo,
     frame::{FrameIndex, StreamKind},
     job::{RunError, Total},
+    math::Vec3,
     preset::{check::Places, problem::Finding},
     solid::Shape,
 };
@@ -120,6 +121,11 @@ pub(crate) trait System: Sync {
         Vec::new()
     }
 
+    /// Colours of its particles, for surfaces and pictures; `None`: they have none.
+    fn colors(&self, _scene: &Scene) -> Option<ChannelColors> {
+        None
+    }
+
     /// Named numbers that the header of a cached frame holds, for `info`.
     fn frame_figures(&self, _streams: &[StreamInfo]) -> Vec<(&'static str, f64)> {
         Vec::new()
@@ -152,6 +158,17 @@ impl PlottedFigure {
     ) -> [Self; N] {
         series.map(|(series, value)| Self { plot, unit, series, value })
     }
+}
+
+/// Colours of a stream by the numbers in one of its channels, so that they can be changed without a new simulation.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct ChannelColors {
+    /// Name of the stream.
+    pub(crate) stream: &'static str,
+    /// Name of its channel of integers.
+    pub(crate) channel: &'static str,
+    /// Linear red, green and blue of each number from 0 on, from 0 to 1.
+    pub(crate) colors: Vec<Vec3>,
 }
 
 /// What is known of a cached frame without its channels.

@@ -130,3 +130,86 @@ fn each_source_keeps_its_viscosity_and_gives_it_to_the_surface() {
     let (_, message) = desk.run("shot uniform --from 3 -o own --set liquid.source.1.viscosity=5", 2);
     assert!(message.contains("source") && message.contains("simulate it from its start"), "{message}");
 }
+
+/// The small shot with two sources that touch, red below blue or of these colours, and a first source without a colour if `first` is empty.
+fn two_colors(first: &str, second: &str) -> String {
+    let touching =
+        two_sources("").replace("min = [1.2, 0, 0], max = [1.5,", "min = [0.8, 0, 0], max = [1.5,");
+    let mut parts = touching.splitn(3, "[[liquid.source]]\n");
+    let mut part = || parts.next().unwrap().to_owned();
+    [part(), format!("[[liquid.source]]\n{first}"), part(), format!("[[liquid.source]]\n{second}"), part()]
+        .concat()
+}
+
+const BLUE: &str = "color = [0.02, 0.1, 0.9]\n";
+const RED: &str = "color = [0.9, 0.1, 0.02]\n";
+
+#[test]
+fn colors_of_sources_blend_on_the_surface_and_change_without_a_simulation() {
+    let desk = Desk::new();
+    desk.write("plain.toml", two_colors("", ""));
+    desk.write("one.toml", two_colors(BLUE, RED));
+    desk.run("shot plain.toml", 0);
+    desk.run("shot one.toml", 0);
+    let [plain, own] = ["plain", "one"].map(|shot| frame(&desk, shot, 5));
+    let [plain, own] = [&plain, &own].map(|frame| &frame.streams[0]);
+    assert!(own.u32("source").is_some() && plain.u32("source").is_none());
+    assert!(plain.vec3("position") == own.vec3("position"), "a colour moves no particle");
+
+    // Bytes in sRGB, from one colour to the other.
+    let found = colors(&desk, "one/mesh/liquid_0003.ply");
+    let part = |part: usize| found.iter().map(move |color| color[part]);
+    assert_eq!([part(0).min(), part(0).max(), part(2).min(), part(2).max()], [39, 243, 39, 243].map(Some));
+    assert!(found.iter().all(|color| color[1].abs_diff(89) <= 1), "green is 0.1 in both");
+    let mixed = found.iter().filter(|color| color[0] > 60 && color[2] > 60).count();
+    assert!(mixed > found.len() / 50, "{mixed} of {} vertices are between the two", found.len());
+    let manifest: serde_json::Value =
+        serde_json::from_slice(&fs::read(desk.path("one/shot.json")).unwrap()).unwrap();
+    let attributes = serde_json::json!({ "color": ["red", "green", "blue"], "velocity": ["vx", "vy", "vz"] });
+    assert_eq!(manifest["outputs"][0]["attributes"], attributes);
+
+    // Other colours need other meshes, and no simulation; a source without one is white.
+    let (cached, meshes) = (desk.bytes("one/cache"), desk.bytes("one/mesh"));
+    desk.write("one.toml", two_colors(BLUE, ""));
+    let (out, _) = desk.run("shot one.toml", 0);
+    assert!(
+        out.contains("0 frames simulated")
+            && out.contains("5 frames meshed")
+            && desk.bytes("one/cache") == cached,
+        "{out}"
+    );
+    assert!(colors(&desk, "one/mesh/liquid_0003.ply").contains(&[231, 231, 231]));
+    desk.write("one.toml", two_colors(BLUE, RED));
+    desk.run("shot one.toml", 0);
+    let surfaces = |files: Vec<(String, Vec<u8>)>| {
+        files.into_iter().filter(|(name, _)| name.ends_with(".ply")).collect::<Vec<_>>()
+    };
+    assert_eq!(surfaces(desk.bytes("one/mesh")), surfaces(meshes), "the same colours give the same bytes");
+
+    // Surfaces that name other attributes have none.
+    desk.run("mesh one -o bare --set surface.attributes=[\"velocity\"] --frames 3", 0);
+    assert!(vertices(&desk, "bare/mesh/liquid_0003.ply")[0].get("red").is_none());
+
+    // Frames without the sources must be simulated again, and a surface without colours cannot have them.
+    let (_, talk) = desk.run("shot plain.toml --set liquid.source.0.color=[1,0,0]", 14);
+    assert!(talk.contains("liquid.channels"), "{talk}");
+    let (_, talk) = desk.run("shot plain.toml -o none --set surface.attributes=[\"color\"]", 2);
+    assert!(talk.contains("no source and no emitter has a colour"), "{talk}");
+    let (_, talk) = desk.run("shot one.toml -o none --set liquid.source.0.color=[1,0,2]", 2);
+    assert!(talk.contains("liquid.source.0.color.2") && talk.contains("0 to 1"), "{talk}");
+
+    // Particles of other programs may have colours.
+    fs::copy(desk.path("one/mesh/liquid_0003.ply"), desk.path("points.ply")).unwrap();
+    desk.run("mesh points.ply --spacing 0.1 -o again", 0);
+    assert!(colors(&desk, "again/mesh/points_0001.ply").iter().any(|color| color[0] > 200));
+}
+
+/// The colours of the vertices of a PLY mesh.
+fn colors(desk: &Desk, file: &str) -> Vec<[u8; 3]> {
+    let byte = |vertex: &DefaultElement, name: &str| match vertex[name] {
+        Property::UChar(byte) => byte,
+        ref other => panic!("{other:?}"),
+    };
+    let color = |vertex: &DefaultElement| ["red", "green", "blue"].map(|name| byte(vertex, name));
+    vertices(desk, file).iter().map(color).collect()
+}

@@ -23,7 +23,7 @@ pub(crate) use ground::grid_cell;
 pub(crate) use model::{Balls, Bounds, Fog, LeftOut, Model, Surface};
 
 use super::Canvas;
-use crate::{control::CancelToken, math::elementary::powf, par};
+use crate::{control::CancelToken, math::srgb, par};
 use camera::Projection;
 use light::Light;
 use opaque::Samples;
@@ -98,13 +98,7 @@ const STEPS: usize = 4096;
 
 /// An image of linear light: a film curve (Narkowicz 2015), then sRGB.
 fn developed(pixels: &Samples, size: [usize; 2]) -> Canvas {
-    let table: Vec<u8> = (0..=STEPS)
-        .map(|step| {
-            let x = step as f32 / STEPS as f32;
-            let encoded = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * powf(x, 1.0 / 2.4) - 0.055 };
-            (255.0 * encoded + 0.5) as u8
-        })
-        .collect();
+    let table: Vec<u8> = (0..=STEPS).map(|step| srgb::to_byte(step as f32 / STEPS as f32)).collect();
     let mut bytes = par::repeated([0_u8; 3], pixels.colours.len());
     par::fill(&mut bytes, |place| {
         pixels.colours[place].map(|x| {

@@ -55,6 +55,8 @@ pub(crate) struct Surface {
     pub(crate) normals: Vec<Vec3>,
     /// Three vertices per triangle.
     pub(crate) triangles: Vec<[u32; 3]>,
+    /// Linear colour of each vertex, in place of the colours of front and back; empty: they have none.
+    pub(crate) colours: Vec<[f32; 3]>,
     /// Linear colour of the front.
     pub(crate) front: [f32; 3],
     /// Linear colour of the back, whose normals are those of the front, turned round.
@@ -69,6 +71,16 @@ impl Surface {
             x.iter().all(|x| x.abs() <= MAX_PLACE).then_some(x)
         });
         Some([a?, b?, c?])
+    }
+
+    /// Colour of a triangle, which exists: the mean of its corners, or that of its side.
+    pub(super) fn colour(&self, triangle: usize, is_back: bool) -> [f32; 3] {
+        if self.colours.is_empty() {
+            return if is_back { self.back } else { self.front };
+        }
+        let corners = self.triangles[triangle];
+        let of = |corner: u32| self.colours.get(corner as usize).copied().unwrap_or_default();
+        std::array::from_fn(|part| corners.iter().map(|&corner| of(corner)[part]).sum::<f32>() / 3.0)
     }
 
     /// The normals at the corners of a triangle, which exists; upwards where there are none.

@@ -86,14 +86,13 @@ pub(super) fn draw(
     let mut left_out = LeftOut::default();
     let frustum = frustum(camera);
     for surface in &model.solids {
-        let prepare = |i: usize, list: &mut Vec<Triangle>| prepare(camera, &frustum, (0, surface), i, list);
+        let prepare =
+            |i: usize, list: &mut Vec<Triangle>| prepare(camera, &frustum, (i as u32, surface), i, list);
         let visit = |samples: &mut [Nearest], triangle: &Triangle, place: usize, weights: [f32; 3]| {
             let (depth, normal) = interpolated(triangle, weights);
             if depth < samples[place].depth {
-                let (normal, colour) = match triangle.is_back {
-                    true => (normal.map(|x| -x), surface.back),
-                    false => (normal, surface.front),
-                };
+                let normal = if triangle.is_back { normal.map(|x| -x) } else { normal };
+                let colour = surface.colour(triangle.surface as usize, triangle.is_back);
                 samples[place] = Nearest { depth, normal, colour };
             }
         };

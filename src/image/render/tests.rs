@@ -124,6 +124,20 @@ fn shading_is_that_of_the_normal() {
 }
 
 #[test]
+fn vertices_have_their_own_colours() {
+    let mut ball = sphere(0.8, 24);
+    let of = |x: &Vec3| if x.x < 0.0 { [0.8, 0.0, 0.0] } else { [0.0, 0.0, 0.8] };
+    ball.colours = ball.positions.iter().map(of).collect();
+    let (picture, _) = draw(&with(|model| model.solids.push(ball.clone())), [200, 200]);
+    let at = |x: usize| picture.pixels()[100 * 200 + x].map(i32::from);
+    let ([r, _, b], [red, _, blue]) = (at(80), at(120));
+    assert!(r > b + 50 && blue > red + 50, "{:?} and {:?}", at(80), at(120));
+    // A list that is too short is black where it ends.
+    ball.colours.truncate(1);
+    draw(&with(|model| model.solids.push(ball)), [50, 50]);
+}
+
+#[test]
 fn what_is_nearer_hides_what_is_behind_in_any_order() {
     let ball = |y: f32, colour: [f32; 3]| Balls {
         positions: vec![Vec3::new(0.0, y, 0.0)],

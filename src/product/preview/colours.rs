@@ -1,6 +1,9 @@
 //! Linear colours of what previews show.
 
-use crate::math::elementary::powf;
+use crate::{
+    frame::{COLOR, Channel, ChannelData},
+    math::srgb,
+};
 
 /// Colliders that are not glass, in turn.
 pub(super) const COLLIDERS: [[f32; 3]; 4] =
@@ -75,11 +78,18 @@ fn mixed(part: f64) -> [f64; 3] {
     })
 }
 
+/// The colours among the attributes of vertices or points; empty if they have none.
+pub(super) fn colours_in(attributes: &[Channel]) -> Vec<[f32; 3]> {
+    let colours = attributes.iter().find_map(|channel| match &channel.data {
+        ChannelData::Vec3(values) if channel.name == COLOR => Some(values),
+        _ => None,
+    });
+    colours.map_or_else(Vec::new, |values| values.iter().map(|&colour| colour.into()).collect())
+}
+
 /// Linear light of a value in sRGB from 0 to 255.
 fn linear(x: f64) -> f32 {
-    let x = x / 255.0;
-    let light = if x <= 0.040_45 { x / 12.92 } else { powf((x + 0.055) / 1.055, 2.4) };
-    light as f32
+    srgb::decoded(x / 255.0)
 }
 
 #[cfg(test)]

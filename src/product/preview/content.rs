@@ -1,7 +1,7 @@
 //! From a cached frame and the files made of it to what its picture shows.
 
 use super::{
-    colours::{CLOTHS, SpeedColours},
+    colours::{CLOTHS, SpeedColours, colours_in},
     files::{ShownFile, ShownFiles},
     settings::ParticleLook,
     stage::Stage,
@@ -12,7 +12,7 @@ use crate::{
     image::render::{Balls, Fog, Model, Surface},
     job::RunError,
     mesh::{Mesh, SmoothingParams, SurfaceError, SurfaceParams, reconstruct},
-    product::sheet_mesh::sheet_mesh,
+    product::{colors::ParticleColors, sheet_mesh::sheet_mesh},
     solid::body_poses,
 };
 
@@ -109,20 +109,28 @@ impl Content {
                 Ok(None) => {}
                 Ok(Some(mesh)) => {
                     self.made_of.push(format!("mesh of {} triangles", mesh.triangles.len()));
-                    self.model.water.push(surface(mesh, [0.0; 3], [0.0; 3]));
+                    self.add_surface(mesh);
                     return Ok(());
                 }
                 Err(why) => self.notes.push(format!("shown by a draft surface: {why}")),
             }
         }
+        let colors = stage.colors.of_particles(stream).unwrap_or_else(|why| {
+            self.notes.push(format!("{}: shown without colours: {why}", stream.name));
+            ParticleColors::default()
+        });
+        let particles = colors.with(stream);
         let made = match stream.spacing() {
-            Some(spacing) => reconstruct(stream, spacing, &draft_surface(), cancel).map_err(Some),
+            Some(spacing) => {
+                let params = SurfaceParams { attributes: colors.attributes(), ..draft_surface() };
+                reconstruct(&particles, spacing, &params, cancel).map_err(Some)
+            }
             None => Err(None),
         };
         match made {
             Ok(made) => {
                 self.made_of.push(format!("draft surface of {} triangles", made.mesh.triangles.len()));
-                self.model.water.push(surface(made.mesh, [0.0; 3], [0.0; 3]));
+                self.add_surface(made.mesh);
             }
             Err(Some(SurfaceError::Interrupted)) => return Err(RunError::Interrupted),
             Err(why) => {
@@ -133,6 +141,16 @@ impl Content {
             }
         }
         Ok(())
+    }
+
+    /// Adds the surface of particles: clear, or opaque in the colours of its vertices.
+    fn add_surface(&mut self, mesh: Mesh) {
+        let surface = surface(mesh, [0.0; 3], [0.0; 3]);
+        if surface.colours.is_empty() {
+            self.model.water.push(surface);
+        } else {
+            self.model.solids.push(surface);
+        }
     }
 
     fn add_tracers(&mut self, stream: &Stream) {
@@ -148,8 +166,8 @@ impl Content {
 
 /// A mesh as a surface of these colours.
 fn surface(mesh: Mesh, front: [f32; 3], back: [f32; 3]) -> Surface {
-    let Mesh { positions, origin, triangles, normals, .. } = mesh;
-    Surface { positions, origin, normals, triangles, front, back }
+    let Mesh { positions, origin, triangles, normals, attributes } = mesh;
+    Surface { positions, origin, normals, triangles, colours: colours_in(&attributes), front, back }
 }
 
 /// Particles as balls, coloured by their speed over the largest of the scale [m/s].

@@ -1,11 +1,11 @@
 //! The files of other products that previews show: meshes of the same state, and points.
 
-use super::colours::POINTS;
+use super::colours::{POINTS, colours_in};
 use crate::{
     cache::{self, FrameInfo},
-    frame::StreamKind,
+    frame::{COLOR, StreamKind},
     image::render::Balls,
-    import::{self, ParticleFile},
+    import::{self, Geometry, ParticleFile},
     job::{
         Manifest, OutputFiles, RunError, ShotFolder,
         batch::state_key,
@@ -125,8 +125,10 @@ impl<'a> ShownFiles<'a> {
             source,
             next: "check that the file can be read, or make it again",
         })?;
-        let read = import::parse_triangles(&path, &bytes)?;
-        let mut mesh = Mesh { positions: read.positions, triangles: read.triangles, ..Mesh::default() };
+        let Geometry { positions, triangles, mut attributes, .. } = import::parse_geometry(&path, &bytes)?;
+        attributes.retain(|channel| channel.name == COLOR);
+        let triangles = triangles.unwrap_or_default();
+        let mut mesh = Mesh { positions, triangles, attributes, ..Mesh::default() };
         mesh.normals = normals_from_faces(&mesh);
         Ok(Some(mesh))
     }
@@ -148,7 +150,11 @@ impl<'a> ShownFiles<'a> {
         let radii = read.stream.f32("radius").unwrap_or_default().to_vec();
         let other = POINTS[POINTS.len() - 1];
         let colour = |kind: &u32| POINTS.get(*kind as usize).copied().unwrap_or(other);
-        let colours = read.stream.u32("kind").map_or(vec![other], |kinds| kinds.iter().map(colour).collect());
+        let mut colours = colours_in(read.stream.channels());
+        if colours.is_empty() {
+            let kinds = read.stream.u32("kind");
+            colours = kinds.map_or(vec![other], |kinds| kinds.iter().map(colour).collect());
+        }
         Ok(Some(Balls { positions, radii, colours }))
     }
 }

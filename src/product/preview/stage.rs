@@ -12,6 +12,7 @@ use crate::{
     job::{RunError, batch::RequestedFrame},
     math::Vec3,
     preset::Camera,
+    product::colors::StreamColors,
     sim::scene::Scene,
     solid::body_poses,
 };
@@ -39,6 +40,7 @@ const FASTEST: f64 = 0.002;
 /// The settings of all pictures of a shot.
 pub(super) struct Stage {
     pub(super) props: Props,
+    pub(super) colors: StreamColors,
     pub(super) view: Viewpoint,
     pub(super) ground: Option<f64>,
     pub(super) bounds: Bounds,
@@ -91,9 +93,12 @@ impl Stage {
         let ground = Some(ground(&props, &moving, &bounds, &solids));
         let is_dark = kinds.contains(&StreamKind::Tracers);
         let settings = scene.map(text).unwrap_or_default();
-        let text =
-            format!("{view:?} {bounds:?} {ground:?} {speed} {is_dark} {:?} {settings}", params.particles);
-        Ok(Self { props, view, ground, bounds, speed, is_dark, particles: params.particles, text })
+        let colors = StreamColors::of(scene);
+        let text = format!(
+            "{view:?} {bounds:?} {ground:?} {speed} {is_dark} {:?} {settings} {colors:?}",
+            params.particles
+        );
+        Ok(Self { props, colors, view, ground, bounds, speed, is_dark, particles: params.particles, text })
     }
 }
 

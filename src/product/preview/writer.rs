@@ -40,7 +40,7 @@ use std::{collections::BTreeSet, io, path::Path, time::Instant};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// Raised whenever a change gives the same frame another picture, but for changes of the renderer.
-const PREVIEW_VERSION: u32 = 2;
+const PREVIEW_VERSION: u32 = 3;
 
 /// What manifests call a picture.
 const KIND: &str = "preview";

@@ -3,7 +3,7 @@
 use super::bricks::bricks_around;
 use crate::{
     field::{DensityParams, coarse_step, surface_size},
-    frame::{Column, Columns, Stream},
+    frame::{COLOR, Column, Columns, Stream},
     grid::BRICK_NODES,
     job::memory::{BASE_MEMORY, Grids},
     math::Vec3,
@@ -99,8 +99,10 @@ fn attribute_bytes(particles: &Columns, params: &SurfaceParams) -> f64 {
     };
     let requested = match &params.attributes {
         Some(names) => names.iter().map(bytes).sum(),
-        None if particles.vec3("velocity").is_some() => VELOCITY_BYTES,
-        None => 0.0,
+        None => {
+            ["velocity", COLOR].iter().filter(|name| particles.vec3(name).is_some()).count() as f64
+                * VELOCITY_BYTES
+        }
     };
     requested - VELOCITY_BYTES
 }

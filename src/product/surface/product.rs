@@ -7,12 +7,17 @@ use super::{
     memory::{max_surface_memory, meshed_memory},
     solids::Colliders,
     tradeoff,
-    writer::surface,
+    writer::SurfaceWriter,
 };
 use crate::{
     frame::{Stream, StreamKind},
-    job::{Control, RunError, ShotFolder, batch::BatchSummary, tradeoff::readable_volume},
+    job::{
+        Control, RunError, ShotFolder,
+        batch::{BatchSummary, process_streams},
+        tradeoff::readable_volume,
+    },
     product::{
+        colors::StreamColors,
         interface::Product,
         request::{ProductInfo, ProductInput, ProductRequest, ProductSettings},
     },
@@ -69,7 +74,9 @@ impl Product for SurfaceMesh {
         match input {
             ProductInput::Frames(source) => {
                 let colliders = Colliders::of(request)?;
-                surface(source, out, &settings.surface, &colliders, formats, batch, control)
+                let colors = StreamColors::of(request.scene);
+                let writer = SurfaceWriter::new(out, &settings.surface, formats, &colliders, &colors);
+                process_streams(source, out, &writer, batch, control)
             }
             ProductInput::LevelSets(sequence) => mesh_level_sets(sequence, out, formats, batch, control),
         }

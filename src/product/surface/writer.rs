@@ -9,12 +9,12 @@ use super::{
 };
 use crate::{
     export::MeshFormat,
-    frame::{Stream, StreamKind},
+    frame::{COLOR, Stream, StreamKind},
     job::{
         Control, Failure, RunError, ShotFolder,
         batch::{
-            BatchRequest, BatchSummary, FileTarget, FrameFiles, FrameOutcome, ProductFolder, Source,
-            StreamHeader, StreamInput, StreamWriter, Written, process_streams,
+            FileTarget, FrameFiles, FrameOutcome, ProductFolder, StreamHeader, StreamInput, StreamWriter,
+            Written,
         },
         nonzero,
         tradeoff::{figure, readable_volume},
@@ -24,44 +24,47 @@ use crate::{
         degenerate_in_world_frame, reconstruct_at_solids,
     },
     par,
-    product::mesh_files::MeshFiles,
+    product::{
+        colors::{ParticleColors, StreamColors},
+        mesh_files::MeshFiles,
+    },
     solid::body_poses,
 };
 use xxhash_rust::xxh3::xxh3_64;
 
-/// Meshes the frames of `source` into `out`, several at once where memory allows.
+/// Writes the surfaces of streams of particles.
 ///
 /// A frame whose files were made from the same particles with the same settings is kept, unless the request forces it: the
-/// same state of a simulation, or the same bytes of a file. Frames that are missing between the first and the last are
-/// reported. Files of a sequence keep their numbers; one without particles gives an empty mesh, since a sequence may start
-/// before its liquid does.
-///
-/// # Errors
-/// Frames that cannot be read or meshed, need more memory than the request allows, or are missing, are left out and reported
-/// together at the end ([`RunError::SomeFailed`]). Errors of a single file, also that it has no particles, are the batch's
-/// error; a folder or disk that refuses to be written ends the batch at once.
-pub(super) fn surface(
-    source: Source,
-    out: &ShotFolder,
-    params: &SurfaceParams,
-    colliders: &Colliders,
-    formats: &[MeshFormat],
-    request: &BatchRequest,
-    control: Control,
-) -> Result<BatchSummary, RunError> {
-    let files = MeshFiles { out, folder: SurfaceMesh.name(), formats, points: params.components.is_some() };
-    let settings = serde_json::to_string(params).expect("settings are plain data");
-    let text = settings + &colliders.text;
-    process_streams(source, out, &SurfaceWriter { files, params, colliders, text }, request, control)
-}
-
-/// Writes the surfaces of streams of particles.
-struct SurfaceWriter<'a> {
+/// same state of a simulation, or the same bytes of a file. Files of a sequence keep their numbers; one without particles gives an
+/// empty mesh, since a sequence may start before its liquid does.
+pub(super) struct SurfaceWriter<'a> {
     files: MeshFiles<'a>,
     params: &'a SurfaceParams,
     colliders: &'a Colliders,
+    colors: &'a StreamColors,
     /// The parameters and the colliders as text, for the key.
     text: String,
+}
+
+impl<'a> SurfaceWriter<'a> {
+    /// A writer of meshes in these formats into `out`.
+    pub(super) fn new(
+        out: &'a ShotFolder,
+        params: &'a SurfaceParams,
+        formats: &'a [MeshFormat],
+        colliders: &'a Colliders,
+        colors: &'a StreamColors,
+    ) -> Self {
+        let files =
+            MeshFiles { out, folder: SurfaceMesh.name(), formats, points: params.components.is_some() };
+        let settings = serde_json::to_string(params).expect("settings are plain data");
+        Self { files, params, colliders, colors, text: settings + &colliders.text }
+    }
+
+    /// Whether vertices have the colours of their particles.
+    fn has_colors(&self) -> bool {
+        self.params.attributes.as_ref().is_none_or(|names| names.iter().any(|name| name == COLOR))
+    }
 }
 
 impl StreamWriter for SurfaceWriter<'_> {
@@ -75,7 +78,8 @@ impl StreamWriter for SurfaceWriter<'_> {
 
     fn key(&self, stream: &StreamHeader, spacing: f32) -> u64 {
         let (version, state) = (mesh::SURFACE_VERSION, stream.state);
-        xxh3_64(format!("{version} {state:016x} {spacing} {}", self.text).as_bytes())
+        let colors = if self.has_colors() { self.colors.text(&stream.name) } else { String::new() };
+        xxh3_64(format!("{version} {state:016x} {spacing} {}{colors}", self.text).as_bytes())
     }
 
     fn up_to_date(&self, target: &FileTarget) -> Option<FrameFiles> {
@@ -99,7 +103,20 @@ impl StreamWriter for SurfaceWriter<'_> {
     ) -> Result<(), RunError> {
         let mut solids = PlacedSolid::at(&self.colliders.solids, input.time);
         solids.extend(PlacedSolid::in_poses(&self.colliders.bodies, body_poses(input.streams)));
-        let made = reconstruct_at_solids(input.stream, input.spacing, self.params, &solids, control.cancel);
+        let colors = if self.has_colors() {
+            self.colors.of_particles(input.stream)
+        } else {
+            Ok(ParticleColors::default())
+        };
+        let colors = match colors {
+            Ok(colors) => colors,
+            Err(why) => {
+                outcome.fail(why, Failure::Other);
+                return Ok(());
+            }
+        };
+        let particles = colors.with(input.stream);
+        let made = reconstruct_at_solids(&particles, input.spacing, self.params, &solids, control.cancel);
         let surface = match made {
             Ok(surface) => surface,
             Err(SurfaceError::Interrupted) => return Err(RunError::Interrupted),

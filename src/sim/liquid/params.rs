@@ -1,11 +1,14 @@
 //! Parameters of a liquid.
 
 use super::inflow::{LiquidDomain, LiquidEmitter, LiquidOutflow};
-use crate::{sim::setup::from_spacing, solid::Shape};
+use crate::{math::Vec3, sim::setup::from_spacing, solid::Shape};
 use serde::{Deserialize, Serialize};
 
 /// [`LiquidParams::implicitness`] if the preset names none, without surface tension.
 const IMPLICITNESS: f32 = 0.1;
+
+/// Linear colour of sources that have none where others have one: white paint.
+const NO_COLOR: [f32; 3] = [0.8; 3];
 
 /// A liquid of particles, kept at rest density by position corrections ([pbf] Algorithm 1).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -142,11 +145,34 @@ impl LiquidParams {
 
     /// The channels of cached particles that depend on the preset, in the order of frames.
     pub(super) fn frame_channels(&self) -> impl Iterator<Item = LiquidChannel> + '_ {
-        let is_needed =
-            |channel: &LiquidChannel| *channel == LiquidChannel::Source && self.has_viscosity_by_source();
+        let is_needed = |channel: &LiquidChannel| *channel == LiquidChannel::Source && self.needs_sources();
         LiquidChannel::ALL
             .into_iter()
             .filter(move |channel| self.channels.contains(channel) || is_needed(channel))
+    }
+
+    /// Whether particles have the number of their source, whatever `channels` names.
+    pub(super) fn needs_sources(&self) -> bool {
+        self.has_viscosity_by_source() || self.colors().is_some()
+    }
+
+    /// Linear colour of each source and, after them, of each emitter; `None` if none has one.
+    pub(super) fn colors(&self) -> Option<Vec<Vec3>> {
+        let sources = self.source.iter().map(|source| source.color);
+        let colors: Vec<_> = sources.chain(self.emitter.iter().map(|emitter| emitter.color)).collect();
+        let has_any = colors.iter().any(Option::is_some);
+        has_any.then(|| colors.into_iter().map(|color| color.unwrap_or(NO_COLOR).into()).collect())
+    }
+
+    /// The same liquid without colours, which do not change its motion; frames have the sources all the same.
+    pub(in crate::sim) fn without_colors(&self) -> Self {
+        let mut without = self.clone();
+        if without.colors().is_some() {
+            without.channels.push(LiquidChannel::Source);
+        }
+        without.source.iter_mut().for_each(|source| source.color = None);
+        without.emitter.iter_mut().for_each(|emitter| emitter.color = None);
+        without
     }
 
     /// Whether a source or an emitter has its own viscosity.
@@ -184,7 +210,7 @@ pub enum LiquidChannel {
     /// since the start of the shot [s].
     Age,
     /// Index of the particle's `[[liquid.source]]`, from 0; those of `[[liquid.emitter]]` follow. Frames have it in any case
-    /// where a source or an emitter has its own viscosity.
+    /// where a source or an emitter has its own viscosity or colour.
     Source,
     /// Dynamic viscosity of the particle's source [Pa·s]; needs the table `liquid.viscosity`.
     Viscosity,
@@ -383,6 +409,11 @@ pub struct LiquidSource {
     /// Range: above 0, at most 1e8.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub viscosity: Option<f32>,
+    /// Colour of this source's liquid: linear red, green and blue [1]. Surfaces have it as the vertex attribute `color`, the mean of
+    /// the particles around a vertex. If another source or emitter has a colour and this one has none, it is 0.8 of each. Meshes follow a
+    /// change without a new simulation, if the frames have the channel `source`, as they have once a source is coloured. Range: 0 to 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub color: Option<[f32; 3]>,
 }
 
 mod defaults {

@@ -17,11 +17,13 @@ MAX_PLY_HEADER_BYTES = 8192
 MAX_COUNT = 2**31 - 1
 PLY = re.compile(
     rb"ply\nformat binary_little_endian 1\.0\n(?:comment[^\r\n]*\n)*element vertex (\d{1,10})\n"
-    rb"((?:property double [xyz]\n){3})?((?:property (?:float|uint) [!-~]+\n)*)"
+    rb"((?:property double [xyz]\n){3})?"
+    rb"((?:property (?:float|uint) [!-~]+\n|property uchar red\nproperty uchar green\nproperty uchar blue\n)*)"
     rb"(?:element face (\d{1,10})\nproperty list uchar uint vertex_indices\n)?end_header\n"
 )
 OBJ_MARK = b"# Meniscus: metres, Z up"
 FACE_BYTES = 13
+BYTES = {b"double": 8, b"float": 4, b"uint": 4, b"uchar": 1}
 PC2 = struct.Struct("<12siiffi")
 
 
@@ -59,10 +61,11 @@ def check_ply(folder: ShotFolder, path: str, has_faces: bool = True) -> int:
         raise damaged(folder, path, f"{vertices} vertices and {faces} faces, expected less than 2³¹ vertices and corners")
     # Coordinates far from the origin are in double precision.
     coordinates, others = (match[group] or b"" for group in (2, 3))
-    names = [line.split(b" ")[2] for line in (coordinates + others).splitlines()]
+    properties = [line.split(b" ") for line in (coordinates + others).splitlines()]
+    names = [name for _, _, name in properties]
     if names[:3] != [b"x", b"y", b"z"] or len(set(names)) < len(names):
         raise damaged(folder, path, f"vertex properties {shortened(names)}, expected x, y, z and others, each once")
-    vertex_bytes = 4 * (len(names) + len(coordinates.splitlines()))
+    vertex_bytes = sum(BYTES[kind] for _, kind, _ in properties)
     expected = match.end() + vertex_bytes * vertices + FACE_BYTES * faces
     if size != expected:
         raise damaged(folder, path, f"{size} bytes, expected {expected} for {vertices} vertices and {faces} faces")

@@ -21,7 +21,7 @@ HONEY_IOR, HONEY_ROUGHNESS = 1.49, 0.03
 HONEY_COLOUR, HONEY_DENSITY = (0.97, 0.74, 0.10, 1.0), 60.0
 HONEY_SHADOW = (0.90, 0.55, 0.15, 1.0)
 
-LIQUIDS_NAME, LIQUIDS_STAMP = "Liquids", "meniscus_liquids"
+LIQUIDS_NAME, LIQUIDS_STAMP = "Liquids", "meniscus_vertex_colours"
 # Like ink in milk: light that enters leaves again nearby.
 LIQUIDS_ROUGHNESS, LIQUIDS_COAT = 0.12, 0.5
 
@@ -105,7 +105,7 @@ def refract(
 
 
 def liquids() -> bpy.types.Material:
-    """The file's own Liquids that an earlier import made, else a new one: opaque, in the `colour` of each vertex."""
+    """The file's own Liquids that an earlier import made, else a new one: opaque, in the colour of each vertex."""
     material, is_new = own(LIQUIDS_NAME, LIQUIDS_STAMP)
     if is_new:
         nodes, links = material.node_tree.nodes, material.node_tree.links

@@ -2,7 +2,7 @@
 """The geometry node groups that read sequences of meshes and points, and velocities of level sets; a saved file needs neither add-on nor scripts.
 
 Scene Time → whole frame → clamped to the sequence → back to the last frame on its step → Format String → Import PLY or OBJ
-→ `velocity` from vx, vy, vz → for surfaces `colour` by `source`, smooth shading; for points balls of their `radius`, or
+→ `velocity` from vx, vy, vz → for surfaces smooth shading; for points balls of their `radius`, or
 instances → material. Cycles takes `velocity` in metres a second and divides by the scene's frame rate, so the attribute
 holds the file's values unchanged.
 """
@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import bpy
 
 NAME = "Meniscus Sequence"
-REVISION = 3
-COLOUR = "colour"
+REVISION = 4
+# What Blender makes of the vertex properties red, green and blue of a PLY file.
+COLOUR = "Col"
 LEVEL_SET_NAME, LEVEL_SET_STAMP = "Meniscus Level Set Velocity", "meniscus_level_set"
 
 
@@ -45,22 +46,6 @@ INPUTS = [
     ("Velocity", "NodeSocketBool", "Make `velocity` [m/s] from vx, vy and vz, for motion blur in Cycles"),
     ("Material", "NodeSocketMaterial", "Material of the surface"),
 ]
-# Of the liquids of a surface, by the number of their source: inks that stay apart when they mix.
-COLOURS = [
-    (0.03, 0.22, 0.62, 1.0),
-    (0.80, 0.10, 0.05, 1.0),
-    (0.85, 0.55, 0.04, 1.0),
-    (0.05, 0.45, 0.16, 1.0),
-    (0.35, 0.06, 0.45, 1.0),
-    (0.75, 0.75, 0.72, 1.0),
-]
-COLOUR_INPUTS = [
-    ("Colours", "NodeSocketBool", "Make `colour` from `source`, the number of the source that liquid comes from"),
-    *(
-        (f"Colour {index + 1}", "NodeSocketColor", f"Colour of the liquid of source {index}, and of every {len(COLOURS)}th after it")
-        for index in range(len(COLOURS))
-    ),
-]
 INSTANCE_INPUTS = [
     ("Instances", "NodeSocketBool", "Show the object below at every point, in place of a ball. Without Blur Instances they have no motion blur"),
     ("Instance", "NodeSocketObject", "Object of radius 1 about its origin; it is scaled by each point's radius"),
@@ -77,10 +62,8 @@ def sequence_group(reader: Reader = SURFACE) -> bpy.types.NodeTree:
     group[reader.stamp] = REVISION
     group.is_modifier = True
     group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
-    for name, kind, text in INPUTS + (INSTANCE_INPUTS if reader.is_points else COLOUR_INPUTS if reader == SURFACE else []):
-        socket = group.interface.new_socket(name, description=text, in_out="INPUT", socket_type=kind)
-        if kind == "NodeSocketColor":
-            socket.default_value = COLOURS[int(name.removeprefix("Colour ")) - 1]
+    for name, kind, text in INPUTS + (INSTANCE_INPUTS if reader.is_points else []):
+        group.interface.new_socket(name, description=text, in_out="INPUT", socket_type=kind)
     Builder(group).build(reader)
     return group
 
@@ -202,24 +185,11 @@ class Builder:
         if reader.is_points:
             self.node("NodeGroupOutput", self.points(given, mesh))
             return
-        if reader == SURFACE:
-            mesh = self.coloured(given, mesh)
         smooth = self.node("GeometryNodeSetShadeSmooth", mesh, True, True, domain="FACE").outputs[0]
         self.node("NodeGroupOutput", self.material(given, smooth))
 
     def material(self, given: object, shown: object):
         return self.node("GeometryNodeSetMaterial", shown, True, given["Material"]).outputs[0]
-
-    def coloured(self, given: object, mesh: object):
-        """The surface with the colours of its liquids, which blend between vertices of different sources."""
-        number = self.node("FunctionNodeFloatToInt", self.attribute("source", 2), rounding_mode="ROUND", row=2).outputs[0]
-        number = self.integer("MODULO", number, len(COLOURS), "Colours repeat")
-        chosen = self.node("GeometryNodeIndexSwitch", number, data_type="RGBA", row=2)
-        while len(chosen.index_switch_items) < len(COLOURS):
-            chosen.index_switch_items.new()
-        for index in range(len(COLOURS)):
-            self.group.links.new(given[f"Colour {index + 1}"], chosen.inputs[1 + index])
-        return self.choice(given["Colours"], mesh, self.store(mesh, COLOUR, "FLOAT_COLOR", chosen.outputs[0]))
 
     def points(self, given: object, mesh: object):
         """Points with their radius, or an object at each, scaled by that."""

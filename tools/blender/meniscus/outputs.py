@@ -127,7 +127,7 @@ def reader_of(mesh: MeshOutput | PointsOutput) -> nodes.Reader:
 def inputs_of(mesh: MeshOutput | PointsOutput, files: str) -> dict[str, object]:
     """The inputs of a modifier that follow from the output alone."""
     values = {"Files": files, "First": mesh.frames.first, "Last": mesh.frames.last, "Step": mesh.frames.step}
-    return values | {"Velocity": mesh.has_velocity, "Colours": isinstance(mesh, MeshOutput) and mesh.has_source}
+    return values | {"Velocity": mesh.has_velocity}
 
 
 def material_of(mesh: MeshOutput | PointsOutput, viscosity: float) -> bpy.types.Material:
@@ -138,7 +138,7 @@ def material_of(mesh: MeshOutput | PointsOutput, viscosity: float) -> bpy.types.
         return material.foam() if mesh.is_whitewater else liquid(viscosity)
     if mesh.is_sheet:
         return sheets.cloth()
-    return material.liquids() if mesh.has_source else liquid(viscosity)
+    return material.liquids() if mesh.has_colours else liquid(viscosity)
 
 
 def liquid(viscosity: float) -> bpy.types.Material:

@@ -71,9 +71,9 @@ class SequenceOutput:
 
 @dataclass(frozen=True)
 class MeshOutput(SequenceOutput):
-    """A sequence of PLY or OBJ files: of a surface, whose vertices may have the number of their `source`, or of a sheet."""
+    """A sequence of PLY or OBJ files: of a surface, whose vertices may have colours, or of a sheet."""
 
-    has_source: bool = False
+    has_colours: bool = False
     is_sheet: bool = False
 
     @property
@@ -291,10 +291,10 @@ class Validator:
         return has_mesh or (FOG not in grids and LEVEL_SET not in grids and ("points", "ply", name) in known)
 
     def mesh(self, key: str, output: dict) -> MeshOutput:
-        has_source = output["format"] == "ply" and self.attribute(key, output, "source") == ["source"]
+        has_colours = output["format"] == "ply" and self.attribute(key, output, "color") == ["red", "green", "blue"]
         has_velocity = output["format"] == "ply" and self.has_velocity(key, output)
         sequence = self.sequence(key, output)
-        return MeshOutput(*sequence, has_velocity, has_source, sequence[1].startswith("sheet/"))
+        return MeshOutput(*sequence, has_velocity, has_colours, sequence[1].startswith("sheet/"))
 
     def points(self, key: str, output: dict, has_volume: bool) -> PointsOutput:
         """Points; tracers are hidden where there is the smoke that they mark."""

@@ -54,6 +54,7 @@ def ply_bytes(vertices: int = 4, faces: int = 0, size: int = 48, comment: str = 
     return PLY_HEAD.format(vertices=vertices, faces=faces, comment=comment, more=more).encode() + bytes(size)
 
 
+COLOURS = "property uchar red\nproperty uchar green\nproperty uchar blue\n"
 DAMAGED_PLY = {
     "4e9 vertices": ply_bytes(vertices=4_000_000_000),
     "2e9 vertices": ply_bytes(vertices=2_000_000_000),
@@ -64,6 +65,8 @@ DAMAGED_PLY = {
     "too long": ply_bytes(size=49),
     "a line of a megabyte": ply_bytes(comment=f"comment {'x' * 1_000_000}\n"),
     "a property twice": ply_bytes(more="property float x\n", size=64),
+    "colours as bytes, too long": ply_bytes(more=COLOURS, size=64),
+    "one colour as a byte": ply_bytes(more="property uchar red\n", size=52),
     "a list in each vertex": ply_bytes(more="property list uchar uint many\n", size=52),
     "text": b"ply\nformat ascii 1.0\nelement vertex 1\n",
     "no PLY": b"\xff" * 5000,

@@ -10,6 +10,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import bpy
@@ -94,11 +95,15 @@ def stage_liquids(folder: Path) -> None:
     check(np.array_equal(vectors(mesh, "velocity"), columns(table, "vx vy vz")), "the surface has the velocities of its file")
     check([each.name for each in mesh.materials] == ["Liquids"], "several liquids have a material of their colours")
     colours = np.empty(4 * len(mesh.vertices), np.float32)
-    mesh.attributes["colour"].data.foreach_get("color", colours)
-    kept = harness_module("nodes").COLOURS
-    wanted = np.array(kept, np.float32)[table["source"].astype(int)]
-    check(set(table["source"].tolist()) == {0.0, 1.0}, "both sources are on the surface")
-    check(np.abs(colours.reshape(-1, 4) - wanted).max() < 1e-6, "each vertex has the colour of its source")
+    mesh.attributes["Col"].data.foreach_get("color", colours)
+    stored = columns(table, "red green blue") / np.float32(255.0)
+    linear = np.where(stored <= 0.04045, stored / 12.92, ((stored + 0.055) / 1.055) ** 2.4)
+    check(np.abs(colours.reshape(-1, 4)[:, :3] - linear).max() < 1e-6, "the surface has the colours of its file")
+    preset = tomllib.loads((folder / "one/preset.toml").read_text(encoding="utf-8"))
+    ends = np.array([source["color"] for source in preset["liquid"]["source"]])
+    part = (linear[:, 0] - ends[0, 0]) / (ends[1, 0] - ends[0, 0])
+    check(part.min() < 0.01 and part.max() > 0.99, "both colours are on the surface", (part.min(), part.max()))
+    check(np.abs(linear - (ends[0] + part[:, None] * (ends[1] - ends[0]))).max() < 0.01, "all others are between the two")
 
     check_whitewater(folder / f"one/whitewater/whitewater_{FRAME:04}.ply", foam)
     check_solids(scene, data, folder / "one")

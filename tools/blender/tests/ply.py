@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """An independent reader and writer of the binary PLY that Meniscus writes: numpy only, no Blender.
 
-Little endian, float and uint vertex properties in any number, faces as one list of uchar count and uint
+Little endian, float, uint and uchar vertex properties in any number, faces as one list of uchar count and uint
 corners, all triangles. Anything else is refused: a test never compares against something half understood.
 """
 
@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 PROPERTIES = ("x", "y", "z", "nx", "ny", "nz", "vx", "vy", "vz")
-SCALARS = {"float": "<f4", "float32": "<f4", "uint": "<u4", "uint32": "<u4", "double": "<f8"}
+SCALARS = {"float": "<f4", "float32": "<f4", "uint": "<u4", "uint32": "<u4", "double": "<f8", "uchar": "u1"}
 FACE = np.dtype([("count", "u1"), ("corner", "<u4", (3,))])
 
 
@@ -36,7 +36,7 @@ def read(path: Path) -> tuple[dict[str, np.ndarray], np.ndarray]:
     if list(elements) != ["vertex", "face"]:
         raise ValueError(f"{path}: elements {list(elements)}, expected vertex and face")
     if any(p[0] not in SCALARS for p in properties["vertex"]):
-        raise ValueError(f"{path}: a vertex property that is neither float, double nor uint")
+        raise ValueError(f"{path}: a vertex property that is neither float, double, uint nor uchar")
     face = properties["face"]
     if len(face) != 1 or face[0][:3] not in (["list", "uchar", "uint"], ["list", "uint8", "uint32"]):
         raise ValueError(f"{path}: face property {face}, expected one list of uchar and uint")

@@ -262,6 +262,7 @@ def check_settings(folder: Path) -> None:
         nozzle.keyframe_insert("meniscus.is_on", frame=frame)
     tank = add("tank")
     tank.meniscus.collider.use_contact_angle, scene.meniscus.liquid.use_surface_tension = True, False
+    nozzle.meniscus.emitter.use_color, nozzle.meniscus.emitter.color = True, (1.0, 0.5, 0.25)
     nozzle.meniscus.emitter.use_viscosity, scene.meniscus.liquid.use_viscosity = True, False
     camera = bpy.data.objects.new("View", bpy.data.cameras.new("View"))
     scene.collection.objects.link(camera)
@@ -277,6 +278,7 @@ def check_settings(folder: Path) -> None:
     noted(notes, "Tank", "contact angle", "left out")
     emitter = data["liquid"]["emitter"][0]
     noted(notes, "viscosity is left out", "the scene's liquid has none")
+    check(emitter["color"] == [1, 0.5, 0.25], "a nozzle has its own colour", emitter)
     check("viscosity" not in emitter, "a viscosity of a nozzle needs that of the liquid", emitter)
     scene.meniscus.liquid.use_viscosity = True
     thick = write(scene, "viscosity of a nozzle")[0]["liquid"]

@@ -29,6 +29,9 @@ pub struct LiquidEmitter {
     /// Dynamic viscosity of its liquid, as for sources [Pa·s]; absent: `liquid.viscosity.dynamic`. Range: above 0, at most 1e8.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub viscosity: Option<f32>,
+    /// Colour of its liquid, as for sources: linear red, green and blue [1]. Range: 0 to 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub color: Option<[f32; 3]>,
     /// The ranges of frames in which it is on, in ascending order; empty: it is always on.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub on: Vec<FrameRange>,

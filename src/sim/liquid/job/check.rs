@@ -2,6 +2,7 @@
 
 use crate::math::elementary::cbrt;
 use crate::{
+    frame::COLOR,
     preset::{check::Places, problem::Finding, shapes::source_finding},
     sim::{
         liquid::{Constraint, LiquidChannel, LiquidParams},
@@ -174,6 +175,18 @@ pub(super) fn check_colliders(scene: &Scene, places: &Places, findings: &mut Vec
                 );
             }
         }
+    }
+}
+
+/// Whether a source or an emitter has a colour, if the surface is to have colours.
+pub(super) fn check_colors(scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
+    let Some(liquid) = &scene.liquid else { return };
+    if liquid.colors().is_none() && scene.surface.attributes.iter().flatten().any(|name| name == COLOR) {
+        let key = "surface.attributes";
+        let message = "no source and no emitter has a colour";
+        let found = format!("found `{COLOR}`, and no `color`");
+        let help = "add `color = [0.8, 0.1, 0.05]` to a `[[liquid.source]]` or `[[liquid.emitter]]`, or remove the attribute";
+        findings.push(Finding::new(places.of(key), key, message, found).with_help(help));
     }
 }
 

@@ -9,7 +9,7 @@ mod report;
 mod tradeoff;
 mod volume;
 
-use super::{LiquidParams, NAME};
+use super::{LiquidChannel, LiquidParams, NAME};
 use crate::{
     cache::StreamInfo,
     frame::{FrameIndex, StreamKind},
@@ -19,7 +19,7 @@ use crate::{
         FrameRecord, SeedReport,
         forecast::{ElementCount, ForecastJob, SystemForecast},
         scene::Scene,
-        system::{CachedFrame, PlottedFigure, System, mesh_files},
+        system::{CachedFrame, ChannelColors, PlottedFigure, System, mesh_files},
         tradeoff::Subject,
     },
     solid::Shape,
@@ -75,6 +75,7 @@ impl System for Liquid {
             flow::check_flow(liquid, scene.seconds(), scene.timeline(), places, findings);
         }
         check::check_attributes(scene, places, findings);
+        check::check_colors(scene, places, findings);
         check::check_colliders(scene, places, findings);
     }
 
@@ -132,6 +133,11 @@ impl System for Liquid {
 
     fn plotted(&self, record: &FrameRecord) -> Vec<PlottedFigure> {
         record.liquid.as_ref().map(report::plotted).unwrap_or_default()
+    }
+
+    fn colors(&self, scene: &Scene) -> Option<ChannelColors> {
+        let colors = scene.liquid.as_ref()?.colors()?;
+        Some(ChannelColors { stream: NAME, channel: LiquidChannel::Source.name(), colors })
     }
 
     fn frame_figures(&self, streams: &[StreamInfo]) -> Vec<(&'static str, f64)> {

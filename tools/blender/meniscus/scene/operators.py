@@ -167,7 +167,7 @@ class MENISCUS_OT_mesh(JobOperator, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         scene = context.scene
-        table = preset.surface_values(scene.meniscus, scene.unit_settings.scale_length)
+        table = settings.values(scene.meniscus.surface, "SurfaceParams", scene.unit_settings.scale_length)
         return self.begin(context, "mesh", (f"surface={inline(table)}",))
 
 

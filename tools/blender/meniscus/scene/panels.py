@@ -193,21 +193,11 @@ class MENISCUS_PT_liquid(SettingsPanel):
         SettingsPanel.draw(self, context)
 
 
-class MENISCUS_PT_surface(SettingsPanel):
-    bl_label = "Surface"
-    definition, attribute = "SurfaceParams", "surface"
-
-    def draw(self, context: bpy.types.Context) -> None:
-        self.layout.use_property_split = True
-        self.layout.prop(context.scene.meniscus, "use_colours")
-        SettingsPanel.draw(self, context)
-
-
 def settings_panel(label: str, definition: str, attribute: str) -> type:
     return type(f"MENISCUS_PT_{attribute}", (SettingsPanel,), {"bl_label": label, "definition": definition, "attribute": attribute})
 
 
-PARTS = [("Smoke", "SmokeParams", "smoke"), ("Cloth", "SheetsCommon", "sheets"), ("Volumes", "VolumeParams", "volume")]
+PARTS = [("Surface", "SurfaceParams", "surface"), ("Smoke", "SmokeParams", "smoke"), ("Cloth", "SheetsCommon", "sheets"), ("Volumes", "VolumeParams", "volume")]
 CLASSES = [
     *operators.CLASSES,
     MENISCUS_PT_object,
@@ -216,7 +206,6 @@ CLASSES = [
     MENISCUS_PT_imported,
     MENISCUS_PT_quality,
     MENISCUS_PT_liquid,
-    MENISCUS_PT_surface,
     *(settings_panel(*part) for part in PARTS),
     MENISCUS_PT_whitewater,
 ]

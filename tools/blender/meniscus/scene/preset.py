@@ -25,8 +25,6 @@ EARTH = 9.81
 MAX_TENSION = 1000.0
 # Keys of forces that are vectors in the object's axes.
 FORCE_VECTORS = {"acceleration", "velocity"}
-# Of surfaces with colours by source: without the key they have velocities alone.
-COLOURED = {"attributes": ["velocity", "source"]}
 # Smoke's own volumes need no finer grid, and no terms of a liquid's surface.
 SMOKE_SURFACE = {"voxel": 1.0, "kernel_radius": 3.0}
 
@@ -257,8 +255,6 @@ class Writer:
         values = settings.values(self.shot.liquid, "LiquidParams", self.scale)
         if "channels" in values and not self.shot.liquid.use_viscosity:
             values["channels"] = [channel for channel in values["channels"] if channel != "viscosity"]
-        if self.shot.use_colours:
-            values["channels"] = sorted({*values.get("channels", ()), "source"})
         if self.has_splash_tension():
             values["surface_tension"]["coefficient"] = self.splash_tension(1.0)
             if self.splash_tension(max(self.shot.draft, 1.0)) == MAX_TENSION:
@@ -510,7 +506,7 @@ class Writer:
 
     def surface(self) -> None:
         if self.has_liquid:
-            self.document.table("surface", surface_values(self.shot, self.scale))
+            self.document.table("surface", settings.values(self.shot.surface, "SurfaceParams", self.scale))
         elif self.has_smoke:
             self.document.table("surface", SMOKE_SURFACE)
         if self.shot.use_whitewater and self.has_liquid:
@@ -580,12 +576,6 @@ class Writer:
             self.document.blank()
             self.document.lines.append(f"[quality.{tier}]")
             self.document.lines += [f"{key} = {toml.number(value)}" for key, value in values.items()]
-
-
-def surface_values(shot: bpy.types.PropertyGroup, scale: float) -> Table:
-    """The table of the liquid's surface."""
-    values = settings.values(shot.surface, "SurfaceParams", scale)
-    return Table(COLOURED | values) if shot.use_colours else values
 
 
 def clean_vector(vector: np.ndarray) -> list[float]:

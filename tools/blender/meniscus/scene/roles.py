@@ -217,10 +217,6 @@ def scene_class() -> type:
         preview: FloatProperty(name="Preview", description="Spacing of the preview over that of the final", min=1.0, max=10.0, default=1.4)
         threads: IntProperty(name="Threads", description="Threads of the engine; 0 uses every core", min=0, max=1024)
         use_whitewater: BoolProperty(name="Whitewater", description="Spray, foam and bubbles of the liquid")
-        use_colours: BoolProperty(
-            name="Colours by Source",
-            description="Each fluid and inflow has a colour of its own, which mix: Colour 1 to 6 of the surface's modifier. Needs a new simulation",
-        )
         use_splash_tension: BoolProperty(
             name="Tension of Splashes",
             description="Surface tension of half of density × 9.81 m/s² × spacing², at the spacing of each quality: far above that of water, it holds "

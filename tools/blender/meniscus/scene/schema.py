@@ -99,7 +99,7 @@ def read_key(name: str, value: dict, is_required: bool) -> Key:
     elif "string" in types:
         kind = "text"
     default = value.get("default")
-    low = value.get("minimum", value.get("exclusiveMinimum"))
+    limits = value.get("items", value)
     return Key(
         name,
         kind,
@@ -108,8 +108,8 @@ def read_key(name: str, value: dict, is_required: bool) -> Key:
         is_required,
         not is_required and default is None and (kind != "table" or is_nullable),
         value.get("unit", ""),
-        low,
-        value.get("maximum"),
+        limits.get("minimum", limits.get("exclusiveMinimum")),
+        limits.get("maximum"),
         size,
         words,
         reference,

@@ -38,6 +38,8 @@ STARTS = {
     "ImplicitViscosity.dynamic": 1.0,
     "LiquidSource.viscosity": 10.0,
     "LiquidEmitter.viscosity": 10.0,
+    "LiquidSource.color": (0.03, 0.22, 0.62),
+    "LiquidEmitter.color": (0.80, 0.10, 0.05),
     "Viscosity.nu": 0.0005,
     "Repulsion.energy": 0.5,
     "Repulsion.range": 0.004,
@@ -135,6 +137,8 @@ def property_of(key: Key, path: str):
     else:
         limits = {name: limit for name, limit in (("min", key.low), ("max", key.high)) if limit is not None}
     if key.kind == "vector":
+        if key.name == "color":
+            common["subtype"] = "COLOR"
         values = shown(key, list(start) if start is not None else [0.0] * key.size)
         return FloatVectorProperty(**common, **limits, size=key.size, precision=4, default=values)
     return FloatProperty(**common, **limits, precision=5, default=shown(key, float(start or 0.0)))
