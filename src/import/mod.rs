@@ -21,6 +21,7 @@ mod numbers;
 mod pc2;
 mod ply;
 mod ply_numbers;
+mod polygons;
 mod sequence;
 mod table;
 mod triangles;
@@ -40,8 +41,8 @@ pub(crate) use geometry::{Geometry, MAX_GEOMETRY_HEADER, parse_geometry, parse_g
 pub use imported::Imported;
 pub(crate) use pc2::{PointCacheFile, parse_point_cache};
 pub use sequence::Sequence;
-pub(crate) use triangles::parse_triangles;
 pub use triangles::{SheetFaces, parse_sheet};
+pub(crate) use triangles::{parse_faces, parse_triangles};
 pub(crate) use vdb::LevelSetFile;
 #[cfg(all(feature = "cli", any(test, feature = "fuzzing")))]
 pub(crate) use vdb::parse_level_set;

@@ -1,11 +1,12 @@
 //! Meshes: PLY, ASCII or binary of either byte order, and OBJ.
 //!
-//! Positions and faces are read. Faces are cut into fans of triangles, or quads are kept on request. Of a PLY file the vertices'
+//! Positions and faces are read. Faces are cut into triangles, or quads are kept on request. Of a PLY file the vertices'
 //! `PAINTED` factors can be requested as well. Everything else is passed over.
 
 use super::{
     ImportError,
     ply_numbers::{Fault, Numbers},
+    polygons::cut,
 };
 use crate::{math::Vec3, sdf::Triangles};
 use ply_rs_bw::{
@@ -13,13 +14,51 @@ use ply_rs_bw::{
     ply::{DefaultElement, PropertyType},
 };
 use std::path::Path;
+use xxhash_rust::xxh3::xxh3_64;
 
 /// Parses the mesh of a file's bytes; the extension of `path` determines the format, and errors name it.
 ///
 /// # Errors
 /// [`ImportError`], with the line, or the entry, at fault. A mesh has at least one face.
 pub(crate) fn parse_triangles(path: &Path, bytes: &[u8]) -> Result<Triangles, ImportError> {
+    Ok(parse_faces(path, bytes)?.0)
+}
+
+/// As [`parse_triangles`], with what was done to its faces.
+///
+/// # Errors
+/// As [`parse_triangles`].
+pub(crate) fn parse_faces(path: &Path, bytes: &[u8]) -> Result<(Triangles, FaceCounts), ImportError> {
     Ok(parse(path, bytes)?.triangles())
+}
+
+/// Counts of faces that were no triangles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct FaceCounts {
+    /// Faces of five corners and more.
+    pub(crate) polygons: usize,
+    /// Faces that their triangles do not cover once: they cross themselves, or have very many corners.
+    pub(crate) folded: usize,
+    /// Identifies the corners of all faces, whatever triangles became of them.
+    pub(crate) digest: u64,
+}
+
+impl FaceCounts {
+    /// The counts in words, with what becomes of each; empty if there is nothing to report.
+    pub(crate) fn report(&self) -> Vec<String> {
+        let counted = [
+            (self.polygons, "faces of five and more corners, cut into triangles"),
+            (
+                self.folded,
+                "faces that cross themselves, whose triangles overlap; triangulate them where the mesh was made",
+            ),
+        ];
+        counted
+            .iter()
+            .filter(|(count, _)| *count > 0)
+            .map(|(count, what)| format!("{count} {what}"))
+            .collect()
+    }
 }
 
 /// The properties of a PLY's vertices that are factors painted on a sheet.
@@ -36,17 +75,23 @@ pub struct SheetFaces {
     pub painted: [Vec<f32>; 3],
 }
 
-/// The mesh that a file's bytes hold, with its quads; faces of more corners are cut into fans of triangles.
+/// The mesh that a file's bytes hold, with its quads; faces of more corners are cut into triangles.
 ///
 /// # Errors
 /// As `parse_triangles`.
 pub fn parse_sheet(path: &Path, bytes: &[u8]) -> Result<SheetFaces, ImportError> {
     let mesh = parse(path, bytes)?;
-    let faces = mesh.faces().flat_map(|corners| match *corners {
-        [a, b, c, d] => vec![[a, b, c, d]],
-        _ => fan(corners).map(|[a, b, c]| [a, b, c, c]).collect(),
-    });
-    Ok(SheetFaces { faces: faces.collect(), positions: mesh.positions, painted: mesh.painted })
+    let (mut faces, mut triangles) = (Vec::new(), Vec::new());
+    for corners in mesh.faces() {
+        match *corners {
+            [a, b, c, d] => faces.push([a, b, c, d]),
+            _ => {
+                cut(corners, &mesh.positions, &mut triangles);
+                faces.extend(triangles.drain(..).map(|[a, b, c]| [a, b, c, c]));
+            }
+        }
+    }
+    Ok(SheetFaces { faces, positions: mesh.positions, painted: mesh.painted })
 }
 
 fn parse(path: &Path, bytes: &[u8]) -> Result<Polygons, ImportError> {
@@ -96,15 +141,17 @@ impl Polygons {
         starts.zip(&self.ends).map(|(start, &end)| &self.corners[start..end])
     }
 
-    fn triangles(self) -> Triangles {
-        let triangles = self.faces().flat_map(fan).collect();
-        Triangles { positions: self.positions, triangles }
+    fn triangles(self) -> (Triangles, FaceCounts) {
+        let digest = xxh3_64(bytemuck::cast_slice(&self.corners))
+            ^ xxh3_64(bytemuck::cast_slice(&self.ends)).rotate_left(1);
+        let mut counts = FaceCounts { digest, ..FaceCounts::default() };
+        let mut triangles = Vec::with_capacity(self.corners.len() - 2 * self.ends.len());
+        for corners in self.faces() {
+            counts.polygons += usize::from(corners.len() > 4);
+            counts.folded += usize::from(!cut(corners, &self.positions, &mut triangles));
+        }
+        (Triangles { positions: self.positions, triangles }, counts)
     }
-}
-
-/// A polygon cut into triangles.
-fn fan(corners: &[u32]) -> impl Iterator<Item = [u32; 3]> {
-    (2..corners.len()).map(|i| [corners[0], corners[i - 1], corners[i]])
 }
 
 fn obj(path: &Path, bytes: &[u8]) -> Result<Polygons, ImportError> {
@@ -282,6 +329,21 @@ mod tests {
         assert_eq!(read("a.obj", wavefront().as_bytes()).unwrap(), expected());
         let square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n";
         assert_eq!(read("a.obj", square.as_bytes()).unwrap().triangles, [[0, 1, 2], [0, 2, 3]]);
+    }
+
+    #[test]
+    fn concave_faces_leave_no_wall_beyond_their_outline() {
+        // A prism over the letter L; a fan from the caps' first corner would cover a part of its notch.
+        let text = "v 2 0 0\nv 2 1 0\nv 1 1 0\nv 1 2 0\nv 0 2 0\nv 0 0 0\n\
+            v 2 0 1\nv 2 1 1\nv 1 1 1\nv 1 2 1\nv 0 2 1\nv 0 0 1\nf 6 5 4 3 2 1\nf 7 8 9 10 11 12\n\
+            f 1 2 8 7\nf 2 3 9 8\nf 3 4 10 9\nf 4 5 11 10\nf 5 6 12 11\nf 6 1 7 12\n";
+        let (mesh, counts) = parse_faces(Path::new("a.obj"), text.as_bytes()).unwrap();
+        assert_eq!((counts.polygons, counts.folded), (2, 0));
+        let field = crate::sdf::from_triangles(&mesh, 40).unwrap().field;
+        for height in [0.0, 0.5, 1.0] {
+            let distance = field.distance(Vec3::new(1.3, 1.3, height));
+            assert!((distance - 0.3).abs() < 0.02, "{distance} at {height}");
+        }
     }
 
     #[test]

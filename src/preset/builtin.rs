@@ -32,6 +32,7 @@ pub fn all() -> &'static [(&'static str, &'static str)] {
         ("smoke-ring", include_str!("../../presets/smoke-ring.toml")),
         ("stretchy-center", include_str!("../../presets/stretchy-center.toml")),
         ("stretchy-corners", include_str!("../../presets/stretchy-corners.toml")),
+        ("sundae", include_str!("../../presets/sundae.toml")),
         ("tablecloth", include_str!("../../presets/tablecloth.toml")),
         ("through-torus", include_str!("../../presets/through-torus.toml")),
         ("tipping-cup", include_str!("../../presets/tipping-cup.toml")),

@@ -190,7 +190,7 @@ fn field(
     let bytes: Vec<u8> = decisive.iter().flat_map(|word| word.to_le_bytes()).collect();
     let key = xxhash_rust::xxh3::xxh3_64(&bytes);
     let path = Path::new(&mesh.file);
-    let triangles = import::parse_triangles(path, &asset.bytes)?;
+    let (triangles, counts) = import::parse_faces(path, &asset.bytes)?;
     if let Some((folder, grid)) = folder.zip(sdf::sampled_grid(&triangles, mesh.resolution)) {
         match cache::read_samples(&folder.samples(), key, &grid) {
             Ok(field) => return Ok(field),
@@ -211,8 +211,9 @@ fn field(
     if made.inside == 0 {
         return Err(fault("a surface that encloses nothing".to_owned()).into());
     }
-    if let Some(found) = Soundness::of(&triangles).report() {
-        reporter.note(&format!("{}: found {found}", printable(&mesh.file)));
+    let found: Vec<String> = counts.report().into_iter().chain(Soundness::of(&triangles).report()).collect();
+    if !found.is_empty() {
+        reporter.note(&format!("{}: found {}", printable(&mesh.file), found.join("; ")));
     }
     if let Some(folder) = folder {
         ShotFolder::create(&folder.samples())?;

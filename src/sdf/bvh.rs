@@ -107,9 +107,10 @@ impl TriangleBvh {
         }
     }
 
-    /// Descends into every child whose bit `enter` sets, the last lane first, and calls `leaf` for leaves.
+    /// Descends into every child whose bit `enter` sets, the last lane first, and calls `leaf` with the place of the first triangle and
+    /// the corners of all triangles of a leaf.
     #[inline]
-    fn traverse(&self, mut enter: impl FnMut(&Node) -> u8, mut leaf: impl FnMut(&[[Vec3; 3]])) {
+    fn traverse(&self, mut enter: impl FnMut(&Node) -> u8, mut leaf: impl FnMut(usize, &[[Vec3; 3]])) {
         let mut stack = [(0_u8, 0_u32); 96];
         let mut top = 1;
         stack[0] = ((self.levels.len() - 1) as u8, 0);
@@ -122,7 +123,7 @@ impl TriangleBvh {
                 lanes &= lanes - 1;
                 if level == 0 {
                     let first = child as usize * LEAF;
-                    leaf(&self.corners[first..(first + LEAF).min(self.corners.len())]);
+                    leaf(first, &self.corners[first..(first + LEAF).min(self.corners.len())]);
                 } else {
                     stack[top] = (level - 1, child);
                     top += 1;
@@ -147,9 +148,34 @@ impl TriangleBvh {
                 }
                 mask(near)
             },
-            |triangles| near_sum += triangles.iter().map(|corners| solid_angle(corners, q)).sum::<f32>(),
+            |_, triangles| near_sum += triangles.iter().map(|corners| solid_angle(corners, q)).sum::<f32>(),
         );
         (far_sum.iter().sum::<f32>() + near_sum) / (4.0 * PI)
+    }
+
+    /// The corners of the triangles, in the order of the curve.
+    pub(super) fn corners(&self) -> &[[Vec3; 3]] {
+        &self.corners
+    }
+
+    /// Calls `visit` with the place and the corners of triangles near the box from `low` to `high`, at least of all that meet it, until it
+    /// is false.
+    pub(super) fn near_box(&self, low: Vec3, high: Vec3, mut visit: impl FnMut(usize, &[Vec3; 3]) -> bool) {
+        let goes_on = std::cell::Cell::new(true);
+        self.traverse(
+            |node| {
+                let meets = |l: usize| {
+                    goes_on.get()
+                        && (0..3)
+                            .all(|axis| node.low[axis][l] <= high[axis] && low[axis] <= node.high[axis][l])
+                };
+                mask(std::array::from_fn(meets))
+            },
+            |first, triangles| {
+                let mut places = (first..).zip(triangles);
+                goes_on.set(goes_on.get() && places.all(|(place, corners)| visit(place, corners)));
+            },
+        );
     }
 
     /// The nearest point of the mesh, if one is nearer than the root of `bound2`.

@@ -25,7 +25,7 @@ use crate::{
 
 /// Version of the samples: raised whenever a change gives the same mesh other samples, so that stored ones
 /// are rebuilt.
-pub(crate) const SAMPLED_VERSION: u32 = 2;
+pub(crate) const SAMPLED_VERSION: u32 = 3;
 
 /// Nodes around the mesh's bounding box, so that the distance has a gradient beyond the surface.
 pub(crate) const MARGIN_NODES: u32 = 4;

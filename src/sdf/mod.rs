@@ -21,6 +21,7 @@
 
 mod brick_blocks;
 mod bvh;
+mod crossings;
 pub mod dense;
 mod from_triangles;
 mod godunov;

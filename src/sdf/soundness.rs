@@ -1,8 +1,9 @@
-//! What is unsound about a triangle mesh from a file: open edges, edges of three and more triangles, triangles that face the other way.
+//! What is unsound about a triangle mesh from a file: open edges, edges of three and more triangles, triangles that face the other way
+//! or pass through others.
 //!
 //! Vertices at the same place are one, so that a triangle soup whose triangles fit is closed.
 
-use super::{Triangles, volume_below};
+use super::{Triangles, crossings::crossing, volume_below};
 use crate::par;
 
 /// Counts of what makes a mesh no closed, oriented surface.
@@ -16,6 +17,8 @@ pub(crate) struct Soundness {
     pub(crate) flipped_edges: usize,
     /// Triangles with two corners at one place.
     pub(crate) degenerate: usize,
+    /// Triangles that pass through others; at least so many of a very tangled mesh.
+    pub(crate) crossing: usize,
     /// Whether it encloses a negative volume, as if it were seen from inside.
     pub(crate) is_inside_out: bool,
 }
@@ -37,7 +40,8 @@ impl Soundness {
             edges.extend([edge(a, b), edge(b, c), edge(c, a)]);
         }
         par::sort_by_key(&mut edges, |&edge| edge);
-        let mut found = Self { degenerate, is_inside_out: volume(mesh) < 0.0, ..Self::default() };
+        let crossing = crossing(mesh);
+        let mut found = Self { degenerate, crossing, is_inside_out: volume(mesh) < 0.0, ..Self::default() };
         for same in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
             match *same {
                 [_] => found.open_edges += 1,
@@ -55,6 +59,7 @@ impl Soundness {
             (self.crowded_edges, "edges of more than two triangles, taken as parts that touch"),
             (self.flipped_edges, "edges at which the faces turn to the other side, which does not matter"),
             (self.degenerate, "triangles without an area, left out"),
+            (self.crossing, "triangles that pass through others, taken as parts of one solid"),
         ];
         let mut parts: Vec<String> = counted
             .iter()

@@ -54,12 +54,14 @@ fn point_cache_samples(mesh: &MeshShape, cache: &str, scene: &Scene) -> Result<S
 /// The positions of a sequence of meshes with the same faces.
 fn sequence_samples(mesh: &MeshShape, scene: &Scene) -> Result<Samples, RunError> {
     let mut out = Samples { triangles: Vec::new(), samples: Vec::new(), frames: Vec::new() };
-    let mut vertices = 0;
+    let (mut vertices, mut faces) = (0, 0);
     for (frame, name, asset) in sequence(&mesh.file, &scene.assets) {
-        let Triangles { positions, triangles } = import::parse_triangles(Path::new(name), &asset.bytes)?;
+        let (Triangles { positions, triangles }, counts) =
+            import::parse_faces(Path::new(name), &asset.bytes)?;
+        // Faces of many corners may be cut in another manner where they bend: the first file decides.
         if out.samples.is_empty() {
-            (out.triangles, vertices) = (triangles, positions.len());
-        } else if positions.len() != vertices || triangles != out.triangles {
+            (out.triangles, vertices, faces) = (triangles, positions.len(), counts.digest);
+        } else if positions.len() != vertices || counts.digest != faces {
             let found = match positions.len() == vertices && triangles.len() == out.triangles.len() {
                 true => "faces of other vertices".to_owned(),
                 false => format!("{} vertices and {} triangles", positions.len(), triangles.len()),

@@ -155,6 +155,7 @@ fn built_in_presets_are_listed_shown_copied_and_run() {
         "fountain",
         "honey",
         "rain-on-pond",
+        "sundae",
         "tipping-cup",
         "wading",
         "water-drop",

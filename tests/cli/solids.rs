@@ -76,3 +76,39 @@ fn meshes_that_cannot_be_used_are_named() {
     let (_, talk) = desk.run("simulate mesh.toml", 1);
     assert!(talk.contains("encloses nothing"), "{talk}");
 }
+
+/// A prism over the letter L, whose caps have six corners each, the first of which does not see all others.
+const LETTER: &str = "v 2 0 0\nv 2 1 0\nv 1 1 0\nv 1 2 0\nv 0 2 0\nv 0 0 0\n\
+    v 2 0 1\nv 2 1 1\nv 1 1 1\nv 1 2 1\nv 0 2 1\nv 0 0 1\nf 6 5 4 3 2 1\nf 7 8 9 10 11 12\n\
+    f 1 2 8 7\nf 2 3 9 8\nf 3 4 10 9\nf 4 5 11 10\nf 5 6 12 11\nf 6 1 7 12\n";
+
+#[test]
+fn faces_of_many_corners_and_crossing_parts_are_counted() {
+    let desk = Desk::new();
+    with_meshes(&desk);
+    desk.write("models/box.obj", LETTER);
+    let (_, talk) = desk.run("simulate mesh.toml -o letter --frames 1", 0);
+    assert!(talk.contains("found 2 faces of five and more corners, cut into triangles"), "{talk}");
+    assert!(!talk.contains("pass through others"), "{talk}");
+
+    // A second one, moved by half of its width, passes through the first.
+    let moved = LETTER.lines().filter_map(|line| line.strip_prefix("v ")).map(|place| {
+        let [x, y, z] = [0, 1, 2].map(|axis| place.split(' ').nth(axis).unwrap().parse::<f32>().unwrap());
+        format!("v {} {} {}\n", x + 0.5, y + 0.25, z + 0.3)
+    });
+    let faces = LETTER.lines().filter_map(|line| line.strip_prefix("f ")).map(|corners| {
+        let corners = corners.split(' ').map(|corner| format!(" {}", corner.parse::<u32>().unwrap() + 12));
+        format!("f{}\n", corners.collect::<String>())
+    });
+    desk.write("models/box.obj", LETTER.to_owned() + &moved.chain(faces).collect::<String>());
+    let (_, talk) = desk.run("simulate mesh.toml -o two --frames 1", 0);
+    assert!(
+        talk.contains("4 faces of five") && talk.contains("triangles that pass through others"),
+        "{talk}"
+    );
+
+    // A face that crosses itself is cut all the same, and reported.
+    desk.write("models/box.obj", LETTER.replace("f 6 5 4 3 2 1", "f 6 3 5 4 1 2"));
+    let (_, talk) = desk.run("simulate mesh.toml -o folded --frames 1", 0);
+    assert!(talk.contains("1 faces that cross themselves"), "{talk}");
+}
