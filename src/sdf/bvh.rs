@@ -158,18 +158,18 @@ impl TriangleBvh {
         &self.corners
     }
 
-    /// Calls `visit` with the place and the corners of triangles near the box from `low` to `high`, at least of all that meet it, until it
+    /// Calls `visit` with the place and the corners of triangles near the box from `low` to `high`, at least of all that overlap it, until it
     /// is false.
     pub(super) fn near_box(&self, low: Vec3, high: Vec3, mut visit: impl FnMut(usize, &[Vec3; 3]) -> bool) {
         let goes_on = std::cell::Cell::new(true);
         self.traverse(
             |node| {
-                let meets = |l: usize| {
+                let overlaps = |l: usize| {
                     goes_on.get()
                         && (0..3)
                             .all(|axis| node.low[axis][l] <= high[axis] && low[axis] <= node.high[axis][l])
                 };
-                mask(std::array::from_fn(meets))
+                mask(std::array::from_fn(overlaps))
             },
             |first, triangles| {
                 let mut places = (first..).zip(triangles);
