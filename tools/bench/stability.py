@@ -17,6 +17,7 @@ import tempfile
 
 import stability_couplings
 import stability_sheets
+import stability_shots
 import stability_smoke
 
 # Terms of the built-in presets of splashes; the surface tension is in N/m per squared spacing.
@@ -171,7 +172,7 @@ def judge(frames):
 def main():
     tool = str(pathlib.Path(sys.argv[1]).resolve())
     parts = {"liquid": write, "smoke": stability_smoke.write, "sheets": stability_sheets.write,
-             "couplings": stability_couplings.write}
+             "couplings": stability_couplings.write, "shots": stability_shots.write}
     for name in sys.argv[2:] or parts:
         parts[name](tool)
 
@@ -203,8 +204,8 @@ def write(tool):
                 tables.append(f"| {value:g} | {name} | {word} | {how} |")
         tables.append("")
     print("# Stability: liquid\n")
-    print("Look up a setting of [smoke](#stability-smoke), [sheets](#stability-sheets), [couplings](#stability-couplings), or of\n"
-          "the liquid below. Written by `tools/bench/stability.py`; do not edit:\n")
+    print("Look up a setting of [smoke](#stability-smoke), [sheets](#stability-sheets), [couplings](#stability-couplings), of\n"
+          "[inflow, forces and bodies](#stability-shots), or of the liquid below. Written by `tools/bench/stability.py`; do not edit:\n")
     print("```sh\ncargo build --release\npython3 tools/bench/stability.py target/release/meniscus > docs/stability.md\n```\n")
     print(
         "A block of 8 × 8 × 8 particles falls by two spacings onto the floor of a tank twice as wide, for eight frames\n"

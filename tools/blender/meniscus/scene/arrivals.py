@@ -31,7 +31,7 @@ SMOKE = VolumeOutput("smoke", f"volume/smoke_{FRAME_NUMBER}.vdb", Frames(0, 0, 1
 # Names in the panel; cloth and bodies have those of their objects.
 LABELS = {"mesh:liquid": "Surface", "points:liquid_points": "Droplets", "volume:smoke": "Smoke", "points:whitewater": "Whitewater", "volume:whitewater": "Mist"}
 # Property of surfaces with colours.
-SOURCE = b" source\n"
+COLOURS = b" red\n"
 # A file may be replaced while it is read: so many looks may fail in a row.
 MAX_FAILURES = 5
 
@@ -107,7 +107,7 @@ class Arrivals:
         for frame in self.frames[before:count]:
             check_ply(files, SURFACE.path(frame))
         content, _ = head(files, SURFACE.path(self.frames[before]), MAX_PLY_HEADER_BYTES)
-        output = MeshOutput(SURFACE.name, SURFACE.pattern, self.span(count), True, SOURCE in content.partition(b"element face")[0])
+        output = MeshOutput(SURFACE.name, SURFACE.pattern, self.span(count), True, COLOURS in content.partition(b"element face")[0])
         shown: list[SequenceOutput] = [output]
         # Without small components, files of droplets are those of an earlier surface.
         if has_components(self.shot) and files.has(DROPLETS.path(output.frames.last)):
