@@ -50,7 +50,7 @@ impl FaceCounts {
             (self.polygons, "faces of five and more corners, cut into triangles"),
             (
                 self.folded,
-                "faces that cross themselves, whose triangles overlap; triangulate them where the mesh was made",
+                "faces that cross themselves or have thousands of corners, whose triangles overlap; triangulate them where the mesh was made",
             ),
         ];
         counted

@@ -28,6 +28,7 @@ use crate::{
     },
     par,
     preset::Frames,
+    product::colors::StreamColors,
     sdf::{Order, SignedDistance},
     sim::{
         scene::Scene,
@@ -297,6 +298,9 @@ impl Measure for SurfaceRuns {
             let meter = Meter::new();
             let solids = PlacedSolid::at(&self.colliders.solids, time);
             let params = &folder.scene.surface;
+            let colors = StreamColors::of(Some(&folder.scene));
+            let colors = colors.of_particles(&particles).map_err(RunError::Request)?;
+            let particles = colors.with(&particles);
             let surface = reconstruct_at_solids(&particles, sample.spacing, params, &solids, control.cancel);
             let Surface { mesh, distance, check, stats, .. } = surface.map_err(RunError::from)?;
             made.cpu_seconds = made.cpu_seconds.zip(meter.cpu()).map(|(sum, cpu)| sum + cpu);
