@@ -134,15 +134,17 @@ fn header_of(path: &Path) -> Result<String> {
 /// vector's components are one attribute.
 fn attributes(header: &str) -> BTreeMap<String, Vec<String>> {
     let vertex = header.lines().skip_while(|line| !line.starts_with("element vertex")).skip(1);
-    let names: Vec<&str> =
-        vertex.map_while(|line| line.strip_prefix("property ")?.split_whitespace().nth(1)).collect();
+    let words = vertex.map_while(|line| line.strip_prefix("property ")?.split_once(' '));
+    let (types, names): (Vec<&str>, Vec<&str>) = words.map(|(kind, name)| (kind, name.trim())).unzip();
     let own = ["x", "y", "z", "nx", "ny", "nz"];
     let mut rest = names.as_slice();
     let mut found = BTreeMap::new();
     while let [first, after @ ..] = rest {
         let vector = match *first {
             "vx" => Some("velocity"),
-            "red" => Some(COLOR),
+            "red" if types[types.len() - rest.len()..].iter().take(3).all(|kind| *kind == "uchar") => {
+                Some(COLOR)
+            }
             other => other.strip_suffix("_x"),
         };
         let vector = vector.map(|name| (name, property_names(name, true)));
@@ -205,5 +207,11 @@ mod tests {
         ];
         assert_eq!(names, expected.map(|(name, files)| (name, files.to_owned())));
         assert!(MeshFormat::Ply.attributes_in(&folder.path().join("none.ply")).is_empty());
+        // Numbers of these names are no colour.
+        let number = |name: &str| Channel { name: name.into(), data: Vec::<f32>::new().into() };
+        let attributes = ["red", "green", "blue"].map(number).into();
+        MeshFormat::Ply.write(&Mesh { attributes, ..Mesh::default() }, &path, 1).unwrap();
+        let found = MeshFormat::Ply.attributes_in(&path);
+        assert!(found.len() == 3 && !found.contains_key("color"), "{found:?}");
     }
 }

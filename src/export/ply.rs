@@ -126,8 +126,8 @@ enum Column<'a> {
     /// Coordinates from an origin [m], in double precision.
     Coordinate(&'a [Vec3], usize, f64),
     Axis(&'a [Vec3], usize),
-    /// A part of linear colours, as a byte in sRGB.
-    Light(&'a [Vec3], usize),
+    /// A component of linear colours, as a byte in sRGB.
+    ColorComponent(&'a [Vec3], usize),
     Number(&'a [f32]),
     Integer(&'a [u32]),
 }
@@ -152,7 +152,9 @@ fn columns(mesh: &Mesh) -> Vec<(String, Column<'_>)> {
         let names = property_names(&channel.name, matches!(channel.data, ChannelData::Vec3(_)));
         match &channel.data {
             ChannelData::Vec3(values) if channel.name == COLOR => {
-                columns.extend((0..).zip(names).map(|(part, name)| (name, Column::Light(values, part))));
+                columns.extend(
+                    (0..).zip(names).map(|(part, name)| (name, Column::ColorComponent(values, part))),
+                );
             }
             ChannelData::Vec3(values) => columns.extend(axes(names, values)),
             ChannelData::F32(values) => {
@@ -185,7 +187,7 @@ fn vertex_definition(mesh: &Mesh, columns: &[(String, Column)]) -> ElementDef {
             Column::Coordinate(..) => ScalarType::Double,
             Column::Axis(..) | Column::Number(_) => ScalarType::Float,
             Column::Integer(_) => ScalarType::UInt,
-            Column::Light(..) => ScalarType::UChar,
+            Column::ColorComponent(..) => ScalarType::UChar,
         };
         element.properties.insert(key(index), PropertyDef::new(name.clone(), PropertyType::Scalar(scalar)));
     }
@@ -216,14 +218,16 @@ impl PropertyAccess for Vertex<'_> {
         match self.columns.get(index_of(key)?)?.1 {
             Column::Axis(values, axis) => values.get(self.index).map(|value| value[axis]),
             Column::Number(values) => values.get(self.index).copied(),
-            Column::Integer(_) | Column::Coordinate(..) | Column::Light(..) => None,
+            Column::Integer(_) | Column::Coordinate(..) | Column::ColorComponent(..) => None,
         }
     }
 
     #[inline]
     fn get_uchar(&self, key: &str) -> Option<u8> {
         match self.columns.get(index_of(key)?)?.1 {
-            Column::Light(values, part) => values.get(self.index).map(|value| srgb::to_byte(value[part])),
+            Column::ColorComponent(values, part) => {
+                values.get(self.index).map(|value| srgb::to_byte(value[part]))
+            }
             _ => None,
         }
     }

@@ -1,6 +1,6 @@
 //! Meshes and points of PLY files as this program writes them: every column of the vertices, and triangles.
 
-use super::ImportError;
+use super::{ImportError, ply::COLORS};
 use crate::{
     frame::{COLOR, Channel, ChannelData},
     math::{Vec3, srgb},
@@ -25,9 +25,6 @@ pub(crate) struct Geometry {
     /// All other columns: three whose names end in those of a vector's components are one.
     pub(crate) attributes: Vec<Channel>,
 }
-
-/// The properties of colours, one after the other.
-const COLORS: [&str; 3] = ["red", "green", "blue"];
 
 /// The longest header of a file [bytes].
 pub(crate) const MAX_GEOMETRY_HEADER: usize = 1 << 16;
@@ -235,7 +232,7 @@ impl Geometry {
             return;
         };
         let values: Vec<Vec3> = if first.kind == ScalarType::UChar {
-            let light = srgb::of_bytes();
+            let light = srgb::linear_of_bytes();
             rows.map(|row| Vec3::from_fn(|part, _| light[usize::from(row[first.offset + part])])).collect()
         } else {
             let size = if is_double { 8 } else { 4 };

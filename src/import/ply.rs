@@ -36,7 +36,7 @@ const VECTORS: [([&str; 3], &str); 3] =
     [(["x", "y", "z"], "position"), (["vx", "vy", "vz"], "velocity"), (["nx", "ny", "nz"], "normal")];
 
 /// Bytes that make colours in sRGB.
-const COLORS: [&str; 3] = ["red", "green", "blue"];
+pub(super) const COLORS: [&str; 3] = ["red", "green", "blue"];
 
 pub(super) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<Imported, ImportError> {
     let mut reader = Reader::new(bytes);
@@ -74,7 +74,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<I
     }
     if let Some(parts) = triple(COLORS).filter(|parts| parts.iter().all(|part| part.is_byte)) {
         let mut values = floats(&parts)?;
-        let light = srgb::of_bytes();
+        let light = srgb::linear_of_bytes();
         // Text may have any integer.
         if values.iter().all(|value| (0.0..=255.0).contains(value)) {
             values.iter_mut().for_each(|value| *value = light[*value as usize]);

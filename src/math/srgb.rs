@@ -19,7 +19,7 @@ pub(crate) fn to_byte(light: f32) -> u8 {
 }
 
 /// The linear light that each byte stores.
-pub(crate) fn of_bytes() -> [f32; 256] {
+pub(crate) fn linear_of_bytes() -> [f32; 256] {
     std::array::from_fn(|byte| decoded(byte as f64 / 255.0))
 }
 
@@ -29,7 +29,7 @@ mod tests {
 
     #[test]
     fn every_byte_is_stored_again() {
-        let light = of_bytes();
+        let light = linear_of_bytes();
         assert!((0..=255).all(|byte: u8| to_byte(light[usize::from(byte)]) == byte));
         assert_eq!((light[0], light[255]), (0.0, 1.0));
         // Middle grey of 18 % is stored as 118.

@@ -55,7 +55,7 @@ use crate::{frame::Channel, math::Vec3, par};
 
 /// Increases with every change that gives the same particles and settings a different mesh, so that old
 /// meshes are made again.
-pub const SURFACE_VERSION: u32 = 7;
+pub const SURFACE_VERSION: u32 = 8;
 
 /// An indexed triangle mesh. Faces are counter-clockwise seen from outside.
 #[derive(Clone, Debug, Default, PartialEq)]

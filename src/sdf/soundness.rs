@@ -26,6 +26,8 @@ pub(crate) struct Soundness {
 impl Soundness {
     /// Counts the faults of a mesh.
     pub(crate) fn of(mesh: &Triangles) -> Self {
+        // First, while no list of edges is held.
+        let crossing = crossing(mesh);
         let welded = welded(mesh);
         let mut edges = Vec::with_capacity(3 * mesh.triangles.len());
         let mut degenerate = 0;
@@ -40,7 +42,6 @@ impl Soundness {
             edges.extend([edge(a, b), edge(b, c), edge(c, a)]);
         }
         par::sort_by_key(&mut edges, |&edge| edge);
-        let crossing = crossing(mesh);
         let mut found = Self { degenerate, crossing, is_inside_out: volume(mesh) < 0.0, ..Self::default() };
         for same in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
             match *same {

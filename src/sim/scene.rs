@@ -225,7 +225,7 @@ impl Scene {
     /// Hash of everything that determines the simulated state: frame rate, first frame, world, systems, the bytes of the files
     /// that these name, and the solvers' version.
     ///
-    /// The title, the frames after the first, the surface, the volume, whitewater, the output, the camera, the tradeoff, the colours of liquids and the looks of colliders
+    /// The title, the frames after the first, the surface, the volume, whitewater, the output, the camera, the tradeoff, the colours of liquids (but whether there are any) and the looks of colliders
     /// do not change it. Caches store it, so that frames of another scene are recognised as stale.
     pub fn simulation_key(&self) -> u64 {
         xxhash_rust::xxh3::xxh3_64(self.decisive().as_bytes())

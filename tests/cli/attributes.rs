@@ -198,6 +198,37 @@ fn colors_of_sources_blend_on_the_surface_and_change_without_a_simulation() {
     let (_, talk) = desk.run("shot one.toml -o none --set liquid.source.0.color=[1,0,2]", 2);
     assert!(talk.contains("liquid.source.0.color.2") && talk.contains("0 to 1"), "{talk}");
 
+    // A branch may have other colours; without any the sources are no longer part of the preset.
+    desk.run("shot one --from 3 -o branch --set liquid.source.1.color=[1,1,1]", 0);
+    assert!(
+        colors(&desk, "branch/mesh/liquid_0005.ply").iter().any(|color| color.iter().all(|part| *part > 250))
+    );
+    let (_, talk) = desk.run("shot plain.toml -o one", 14);
+    assert!(talk.contains("liquid.channels"), "{talk}");
+    // Frames that have the sources for their viscosity need nothing more.
+    desk.write("thick.toml", two_viscosities(""));
+    desk.run("shot thick.toml", 0);
+    let (out, _) = desk.run("shot thick.toml --set liquid.source.0.color=[1,0,0]", 0);
+    assert!(out.contains("0 frames simulated") && out.contains("5 frames meshed"), "{out}");
+
+    // Pictures of other colours are other pictures, with the mesh and without it, and stages have the colours.
+    let picture = |folder: &str| {
+        desk.run(&format!("preview {folder} --frames 3 --size 160x90"), 0);
+        fs::read(desk.path(&format!("{folder}/preview/frame_0003.png"))).unwrap()
+    };
+    let before = picture("one");
+    assert!(before == picture("one"));
+    fs::remove_dir_all(desk.path("one/mesh")).unwrap();
+    let without_mesh = picture("one");
+    desk.write("one.toml", two_colors(RED, RED));
+    desk.run("simulate one.toml", 0);
+    assert!(picture("one") != without_mesh, "the draft surface has the colours of the preset");
+    desk.run("shot one.toml", 0);
+    assert!(picture("one") != before, "and so has the mesh");
+    desk.run("usd one", 0);
+    let manifest = fs::read_to_string(desk.path("one/usd/manifest.usda")).unwrap();
+    assert!(manifest.contains("primvars:displayColor"), "{manifest}");
+
     // Particles of other programs may have colours.
     fs::copy(desk.path("one/mesh/liquid_0003.ply"), desk.path("points.ply")).unwrap();
     desk.run("mesh points.ply --spacing 0.1 -o again", 0);

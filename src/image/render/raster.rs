@@ -51,7 +51,7 @@ pub(super) struct Triangle {
     pub(super) normals: [[f32; 3]; 3],
     /// Whether it is seen from its back.
     pub(super) is_back: bool,
-    /// The surface that it belongs to.
+    /// A number of the caller: of the surface that it belongs to, or of the triangle in it.
     pub(super) surface: u32,
 }
 

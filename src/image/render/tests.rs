@@ -132,7 +132,7 @@ fn vertices_have_their_own_colours() {
     let at = |x: usize| picture.pixels()[100 * 200 + x].map(i32::from);
     let ([r, _, b], [red, _, blue]) = (at(80), at(120));
     assert!(r > b + 50 && blue > red + 50, "{:?} and {:?}", at(80), at(120));
-    // A list that is too short is black where it ends.
+    // A list that is too short ends no picture.
     ball.colours.truncate(1);
     draw(&with(|model| model.solids.push(ball)), [50, 50]);
 }

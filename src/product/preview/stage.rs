@@ -94,8 +94,9 @@ impl Stage {
         let is_dark = kinds.contains(&StreamKind::Tracers);
         let settings = scene.map(text).unwrap_or_default();
         let colors = StreamColors::of(scene);
+        let shown = if params.particles == ParticleLook::Surface { colors.all_text() } else { String::new() };
         let text = format!(
-            "{view:?} {bounds:?} {ground:?} {speed} {is_dark} {:?} {settings} {colors:?}",
+            "{view:?} {bounds:?} {ground:?} {speed} {is_dark} {:?} {settings}{shown}",
             params.particles
         );
         Ok(Self { props, colors, view, ground, bounds, speed, is_dark, particles: params.particles, text })

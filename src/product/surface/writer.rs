@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     export::MeshFormat,
-    frame::{COLOR, Stream, StreamKind},
+    frame::{Stream, StreamKind},
     job::{
         Control, Failure, RunError, ShotFolder,
         batch::{
@@ -24,10 +24,7 @@ use crate::{
         degenerate_in_world_frame, reconstruct_at_solids,
     },
     par,
-    product::{
-        colors::{ParticleColors, StreamColors},
-        mesh_files::MeshFiles,
-    },
+    product::{colors::StreamColors, mesh_files::MeshFiles},
     solid::body_poses,
 };
 use xxhash_rust::xxh3::xxh3_64;
@@ -60,11 +57,6 @@ impl<'a> SurfaceWriter<'a> {
         let settings = serde_json::to_string(params).expect("settings are plain data");
         Self { files, params, colliders, colors, text: settings + &colliders.text }
     }
-
-    /// Whether vertices have the colours of their particles.
-    fn has_colors(&self) -> bool {
-        self.params.attributes.as_ref().is_none_or(|names| names.iter().any(|name| name == COLOR))
-    }
 }
 
 impl StreamWriter for SurfaceWriter<'_> {
@@ -78,7 +70,7 @@ impl StreamWriter for SurfaceWriter<'_> {
 
     fn key(&self, stream: &StreamHeader, spacing: f32) -> u64 {
         let (version, state) = (mesh::SURFACE_VERSION, stream.state);
-        let colors = if self.has_colors() { self.colors.text(&stream.name) } else { String::new() };
+        let colors = self.colors.text(&stream.name, self.params);
         xxh3_64(format!("{version} {state:016x} {spacing} {}{colors}", self.text).as_bytes())
     }
 
@@ -91,7 +83,9 @@ impl StreamWriter for SurfaceWriter<'_> {
     }
 
     fn memory(&self, stream: &Stream, spacing: f32, enough: u64) -> u64 {
-        stream_memory(stream, spacing, self.params, enough)
+        // Without its channel a stream has no colours, and its frame fails before any memory is taken.
+        let colors = self.colors.for_surface(stream, self.params).unwrap_or_default();
+        stream_memory(&colors.with(stream), spacing, self.params, enough)
     }
 
     fn write(
@@ -103,12 +97,7 @@ impl StreamWriter for SurfaceWriter<'_> {
     ) -> Result<(), RunError> {
         let mut solids = PlacedSolid::at(&self.colliders.solids, input.time);
         solids.extend(PlacedSolid::in_poses(&self.colliders.bodies, body_poses(input.streams)));
-        let colors = if self.has_colors() {
-            self.colors.of_particles(input.stream)
-        } else {
-            Ok(ParticleColors::default())
-        };
-        let colors = match colors {
+        let colors = match self.colors.for_surface(input.stream, self.params) {
             Ok(colors) => colors,
             Err(why) => {
                 outcome.fail(why, Failure::Other);

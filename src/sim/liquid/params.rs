@@ -167,7 +167,7 @@ impl LiquidParams {
     /// The same liquid without colours, which do not change its motion; frames have the sources all the same.
     pub(in crate::sim) fn without_colors(&self) -> Self {
         let mut without = self.clone();
-        if without.colors().is_some() {
+        if without.colors().is_some() && !without.has_viscosity_by_source() {
             without.channels.push(LiquidChannel::Source);
         }
         without.source.iter_mut().for_each(|source| source.color = None);

@@ -135,8 +135,9 @@ def material_of(mesh: MeshOutput | PointsOutput, viscosity: float) -> bpy.types.
     if isinstance(mesh, PointsOutput):
         if mesh.is_tracers:
             return material.tracers()
-        return material.foam() if mesh.is_whitewater else liquid(viscosity)
-    if mesh.is_sheet:
+        if mesh.is_whitewater:
+            return material.foam()
+    elif mesh.is_sheet:
         return sheets.cloth()
     return material.liquids() if mesh.has_colours else liquid(viscosity)
 

@@ -86,6 +86,7 @@ class PointsOutput(SequenceOutput):
     """A sequence of PLY files of points, each with a `radius`: droplets, tracers of smoke, or whitewater, which has a `kind`."""
 
     is_whitewater: bool
+    has_colours: bool = False
     # Whether another output shows the same.
     is_hidden: bool = False
 
@@ -291,7 +292,7 @@ class Validator:
         return has_mesh or (FOG not in grids and LEVEL_SET not in grids and ("points", "ply", name) in known)
 
     def mesh(self, key: str, output: dict) -> MeshOutput:
-        has_colours = output["format"] == "ply" and self.attribute(key, output, "color") == ["red", "green", "blue"]
+        has_colours = output["format"] == "ply" and self.has_colours(key, output)
         has_velocity = output["format"] == "ply" and self.has_velocity(key, output)
         sequence = self.sequence(key, output)
         return MeshOutput(*sequence, has_velocity, has_colours, sequence[1].startswith("sheet/"))
@@ -299,8 +300,12 @@ class Validator:
     def points(self, key: str, output: dict, has_volume: bool) -> PointsOutput:
         """Points; tracers are hidden where there is the smoke that they mark."""
         is_whitewater = self.attribute(key, output, "kind") == ["kind"]
-        found = PointsOutput(*self.sequence(key, output), self.has_velocity(key, output), is_whitewater)
+        has_velocity, has_colours = self.has_velocity(key, output), self.has_colours(key, output)
+        found = PointsOutput(*self.sequence(key, output), has_velocity, is_whitewater, has_colours)
         return replace(found, is_hidden=found.is_tracers and has_volume)
+
+    def has_colours(self, key: str, output: dict) -> bool:
+        return self.attribute(key, output, "color") == ["red", "green", "blue"]
 
     def sequence(self, key: str, output: dict) -> tuple[str, str, Frames]:
         """Name, pattern and frames of an output with a file a frame."""

@@ -299,7 +299,7 @@ impl Measure for SurfaceRuns {
             let solids = PlacedSolid::at(&self.colliders.solids, time);
             let params = &folder.scene.surface;
             let colors = StreamColors::of(Some(&folder.scene));
-            let colors = colors.of_particles(&particles).map_err(RunError::Request)?;
+            let colors = colors.for_surface(&particles, params).map_err(RunError::Request)?;
             let particles = colors.with(&particles);
             let surface = reconstruct_at_solids(&particles, sample.spacing, params, &solids, control.cancel);
             let Surface { mesh, distance, check, stats, .. } = surface.map_err(RunError::from)?;

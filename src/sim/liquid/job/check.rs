@@ -184,7 +184,7 @@ pub(super) fn check_colors(scene: &Scene, places: &Places, findings: &mut Vec<Fi
     if liquid.colors().is_none() && scene.surface.attributes.iter().flatten().any(|name| name == COLOR) {
         let key = "surface.attributes";
         let message = "no source and no emitter has a colour";
-        let found = format!("found `{COLOR}`, and no `color`");
+        let found = format!("found `{COLOR}`, and no source or emitter with the key `color`");
         let help = "add `color = [0.8, 0.1, 0.05]` to a `[[liquid.source]]` or `[[liquid.emitter]]`, or remove the attribute";
         findings.push(Finding::new(places.of(key), key, message, found).with_help(help));
     }

@@ -249,8 +249,8 @@ impl Measure for LiquidRuns {
             return Ok((sample, Frame { streams: Vec::new(), ..*frame }));
         };
         // Without the fit to colliders: the volume is to depend on the particles alone.
-        let surface =
-            is_end.then(|| mesh::reconstruct(stream, spacing, &folder.scene.surface, control.cancel));
+        let params = mesh::SurfaceParams { attributes: Some(Vec::new()), ..folder.scene.surface.clone() };
+        let surface = is_end.then(|| mesh::reconstruct(stream, spacing, &params, control.cancel));
         let volume = surface.transpose().map_err(RunError::from)?.map(|surface| surface.check.volume);
         let observables = Observable::ALL.iter().filter_map(|what| what.of(stream)).collect();
         let sample = LiquidSample { particles: stream.len(), spacing, observables, volume };

@@ -31,7 +31,7 @@ SMOKE = VolumeOutput("smoke", f"volume/smoke_{FRAME_NUMBER}.vdb", Frames(0, 0, 1
 # Names in the panel; cloth and bodies have those of their objects.
 LABELS = {"mesh:liquid": "Surface", "points:liquid_points": "Droplets", "volume:smoke": "Smoke", "points:whitewater": "Whitewater", "volume:whitewater": "Mist"}
 # Property of surfaces with colours.
-COLOURS = b" red\n"
+COLOURS = b"property uchar red\n"
 # A file may be replaced while it is read: so many looks may fail in a row.
 MAX_FAILURES = 5
 
@@ -113,7 +113,7 @@ class Arrivals:
         if has_components(self.shot) and files.has(DROPLETS.path(output.frames.last)):
             for frame in self.frames[before:count]:
                 check_ply(files, DROPLETS.path(frame), has_faces=False)
-            shown.append(replace(DROPLETS, frames=output.frames))
+            shown.append(replace(DROPLETS, frames=output.frames, has_colours=output.has_colours))
         for each in shown:
             show.target(scene).sequence(each, outputs.shot_folder(files.root, "AUTO"), read_viscosity(self.shot))
             self.last[outputs.key_of(each)] = each.frames.last
