@@ -85,7 +85,7 @@ impl StreamWriter for SurfaceWriter<'_> {
     fn memory(&self, stream: &Stream, spacing: f32, enough: u64) -> u64 {
         // Without its channel a stream has no colours, and its frame fails before any memory is taken.
         let colors = self.colors.for_surface(stream, self.params).unwrap_or_default();
-        stream_memory(&colors.with(stream), spacing, self.params, enough)
+        stream_memory(colors.with(stream), spacing, self.params, enough)
     }
 
     fn write(
