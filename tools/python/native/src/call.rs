@@ -95,7 +95,7 @@ fn threads_refused(threads: usize, error: impl Display) -> Failure {
     }
     let named = if threads == 0 { "one for every core".to_owned() } else { threads.to_string() };
     Failure::Parameter(format!(
-        "threads: the system refused to start {named} ({error}); pass fewer, or allow more processes (`ulimit -u`)"
+        "threads: the system refused to start {named} ({error}); pass fewer, or allow more processes (`ulimit -u`) or memory (`ulimit -v`)"
     ))
 }
 
