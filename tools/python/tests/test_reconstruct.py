@@ -344,7 +344,7 @@ try:
 except MemoryError as error:
     print("refused", type(error).__name__, error)
 except mf.ParameterError as error:
-    # A thread needs memory too, and the system does not tell what it lacked.
+    # A thread needs memory too, and the error of the system does not name what was lacking.
     assert "the system refused to start" in str(error), error
     print("refused", type(error).__name__, error)
 limit(resource.RLIM_INFINITY)
