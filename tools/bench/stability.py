@@ -9,16 +9,14 @@ Systems: liquid (here), smoke (stability_smoke.py), sheets (stability_sheets.py)
 setting changes at a time. Of the liquid, a block of 512 particles falls onto the floor of a tank for eight frames, with
 the terms of the built-in presets, and without terms by both solvers. No row depends on wall-clock time.
 """
-import json
 import pathlib
-import subprocess
 import sys
-import tempfile
 
 import stability_couplings
 import stability_sheets
 import stability_shots
 import stability_smoke
+from stability_run import simulated
 
 # Terms of the built-in presets of splashes; the surface tension is in N/m per squared spacing.
 PRESETS = {"implicitness": "0.25", "xsph": "{}", "vorticity": "{ strength = 0.5 }"}
@@ -109,13 +107,8 @@ def preset(change, solver, with_terms):
 
 def verdict(tool, text):
     """(verdict, reason) of one shot."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = pathlib.Path(folder)
-        (path / "shot.toml").write_text(text)
-        ran = subprocess.run([tool, "simulate", "shot.toml", "-o", "out"], cwd=path, capture_output=True, text=True)
-        log = path / "out" / "log.jsonl"
-        lines = [json.loads(line) for line in log.read_text().splitlines()] if log.exists() else []
-    words = " ".join(ran.stderr.split())
+    with simulated(tool, text) as (ran, lines, _):
+        words = " ".join(ran.stderr.split())
     if ran.returncode == 20:
         return "refused", words[words.rindex("error: ") + 7:].replace("|", "/")
     if ran.returncode != 0:

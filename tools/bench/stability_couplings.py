@@ -2,13 +2,11 @@
 
 Needs numpy and zstandard, to read where particles are."""
 
-import json
 import pathlib
-import subprocess
 import sys
-import tempfile
 
-from stability_sheets import INTEGRATORS, refusal
+from stability_run import refusal, simulated
+from stability_sheets import INTEGRATORS
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
@@ -157,17 +155,12 @@ def below(path):
 def verdict(tool, change, integrator, system):
     """(verdict, figures, reason) of one shot."""
     text = preset(change, integrator, system)
-    with tempfile.TemporaryDirectory() as folder:
-        path = pathlib.Path(folder)
-        (path / "shot.toml").write_text(text)
-        ran = subprocess.run([tool, "simulate", "shot.toml", "-o", "out"], cwd=path, capture_output=True, text=True)
-        log = path / "out" / "log.jsonl"
-        frames = [json.loads(line) for line in log.read_text().splitlines()] if log.exists() else []
+    with simulated(tool, text) as (ran, frames, out):
         if ran.returncode in (2, 20):
             return "refused", ["", "", ""], refusal(ran.stderr)
         if ran.returncode != 0:
             raise SystemExit(f"exit {ran.returncode}: {' '.join(ran.stderr.split())}\n{text}")
-        through = below(path / "out/cache/frame_0009.mcf") if system == "liquid" else 0
+        through = below(out / "cache/frame_0009.mcf") if system == "liquid" else 0
     return judge(frames, change, through)
 
 

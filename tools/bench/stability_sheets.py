@@ -1,9 +1,6 @@
 """Sheets at the ends of their settings: a part of docs/stability.md (stability.py)."""
 
-import json
-import pathlib
-import subprocess
-import tempfile
+from stability_run import refusal, simulated
 
 INTEGRATORS = ["symplectic", "implicit"]
 
@@ -130,27 +127,13 @@ def preset(change, integrator):
 
 def verdict(tool, text):
     """(verdict, figures, reason) of one shot."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = pathlib.Path(folder)
-        (path / "shot.toml").write_text(text)
-        ran = subprocess.run([tool, "simulate", "shot.toml", "-o", "out"], cwd=path, capture_output=True, text=True)
-        log = path / "out" / "log.jsonl"
-        frames = [json.loads(line)["sheets"] for line in log.read_text().splitlines()] if log.exists() else []
-    words = " ".join(ran.stderr.split())
+    with simulated(tool, text) as (ran, frames, _):
+        words = " ".join(ran.stderr.split())
     if ran.returncode in (2, 20):
         return "refused", ["", "", ""], refusal(ran.stderr)
     if ran.returncode != 0:
         raise SystemExit(f"exit {ran.returncode}: {words}\n{text}")
-    return judge(frames)
-
-
-def refusal(stderr):
-    """The error in one line; of a preset's, with the first label but without the excerpt."""
-    if "-->" not in stderr:
-        return " ".join(stderr[stderr.rindex("error: ") + 7 :].split()).replace("|", "/")
-    lines = stderr[stderr.index("error: ") + 7 :].splitlines()
-    labels = [line.split("^ ", 1)[1].strip() for line in lines if "^ " in line]
-    return "; ".join([lines[0].strip(), *labels[:1]]).replace("|", "/")
+    return judge([frame["sheets"] for frame in frames])
 
 
 def judge(frames):

@@ -1,13 +1,9 @@
 """Inflow, forces, floating bodies, colliders that grow, and several viscosities at the ends of their settings: a part of docs/stability.md
 (stability.py)."""
 
-import json
 import math
-import pathlib
-import subprocess
-import tempfile
 
-from stability_sheets import refusal
+from stability_run import refusal, simulated
 
 SPACING = 0.1
 PRESET = """
@@ -118,12 +114,7 @@ SWEEPS = [
 def verdict(tool, change):
     """(verdict, figures, reason) of one shot."""
     text = PRESET.format(**{**USUAL, **change})
-    with tempfile.TemporaryDirectory() as folder:
-        path = pathlib.Path(folder)
-        (path / "shot.toml").write_text(text)
-        ran = subprocess.run([tool, "simulate", "shot.toml", "-o", "out"], cwd=path, capture_output=True, text=True)
-        log = path / "out" / "log.jsonl"
-        frames = [json.loads(line) for line in log.read_text().splitlines()] if log.exists() else []
+    with simulated(tool, text) as (ran, frames, _):
         if ran.returncode in (2, 20):
             return "refused", ["", ""], refusal(ran.stderr)
         if ran.returncode != 0:

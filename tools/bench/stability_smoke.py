@@ -1,9 +1,6 @@
 """Smoke at the ends of its settings: a part of docs/stability.md (stability.py)."""
 
-import json
-import pathlib
-import subprocess
-import tempfile
+from stability_run import simulated
 
 PRESET = """
 title = "Stability"
@@ -122,18 +119,13 @@ def preset(change):
 
 def verdict(tool, text):
     """(verdict, reason) of one shot."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = pathlib.Path(folder)
-        (path / "shot.toml").write_text(text)
-        ran = subprocess.run([tool, "simulate", "shot.toml", "-o", "out"], cwd=path, capture_output=True, text=True)
-        log = path / "out" / "log.jsonl"
-        frames = [json.loads(line)["smoke"] for line in log.read_text().splitlines()] if log.exists() else []
-    words = " ".join(ran.stderr.split())
+    with simulated(tool, text) as (ran, frames, _):
+        words = " ".join(ran.stderr.split())
     if ran.returncode in (2, 20) and "error: " in words:
         return "refused", words[words.rindex("error: ") + 7 :].replace("|", "/")
     if ran.returncode != 0:
         raise SystemExit(f"exit {ran.returncode}: {words}\n{text}")
-    return judge(frames)
+    return judge([frame["smoke"] for frame in frames])
 
 
 def judge(frames):
