@@ -8,7 +8,7 @@
 
 use crate::math::Vec3;
 
-/// Tests whether a corner is in an ear, for each corner of a face: any face of 1000 corners is cut, and time grows with the size of the file.
+/// Tests whether a corner is in an ear, for each corner of a face: combs of 400 corners are cut, and time grows with the size of the file.
 const TESTS_PER_CORNER: usize = 1000;
 
 /// Cuts a face into triangles, which are added to `triangles`; whether they cover it once.
@@ -121,6 +121,10 @@ mod tests {
         // An arrow head of four corners, whose fan from the first leaves it.
         assert_covered(&[[0.0, 0.0], [2.0, -1.0], [0.5, 0.0], [2.0, 1.0]]);
         assert_covered(&[[2.0, -1.0], [0.5, 0.0], [2.0, 1.0], [0.0, 0.0]]);
+        // A comb of 200 teeth.
+        let tooth = |i: usize| [[i as f32, 0.0], [i as f32 + 0.5, 1.0]];
+        let back = [[200.0, 2.0], [-1.0, 2.0]];
+        assert_covered(&(0..200).flat_map(tooth).chain(back).collect::<Vec<[f32; 2]>>());
         // A square with a hole, joined by an edge that is there twice.
         let hole = [[1.0, 1.0], [1.0, 2.0], [2.0, 2.0], [2.0, 1.0], [1.0, 1.0]];
         let square = [[0.0, 0.0], [3.0, 0.0], [3.0, 3.0], [0.0, 3.0], [0.0, 0.0]];
@@ -138,14 +142,9 @@ mod tests {
         assert!(!cut_flat(&[[0.0, 0.0], [2.0, 2.0], [2.0, 0.0], [0.0, 1.0]]).0);
         // On a line there is nothing to cover.
         assert!(cut_flat(&[[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [1.0, 0.0]]).0);
-        // A comb of very many teeth would take minutes.
-        let tooth = |i: usize| [[i as f32, 0.0], [i as f32 + 0.5, 1.0]];
-        let mut comb: Vec<[f32; 2]> = (0..20_000).flat_map(tooth).collect();
-        comb.extend([[20_000.0, -1.0], [0.0, -1.0]]);
         let random = Random::new([1, 2, 3]);
         let scribble: Vec<[f32; 2]> = (0..40_000).map(|i| [random.at(2 * i), random.at(2 * i + 1)]).collect();
         assert!(!cut_flat(&scribble).0);
-        cut_flat(&comb);
     }
 
     proptest! {

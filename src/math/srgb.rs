@@ -3,7 +3,7 @@
 use super::elementary::powf;
 
 /// The stored value of linear light.
-pub(crate) fn encoded(light: f32) -> f32 {
+fn encoded(light: f32) -> f32 {
     if light <= 0.003_130_8 { 12.92 * light } else { 1.055 * powf(light, 1.0 / 2.4) - 0.055 }
 }
 

@@ -131,7 +131,7 @@ fn each_source_keeps_its_viscosity_and_gives_it_to_the_surface() {
     assert!(message.contains("source") && message.contains("simulate it from its start"), "{message}");
 }
 
-/// The small shot with two sources that touch, red below blue or of these colours, and a first source without a colour if `first` is empty.
+/// The small shot with two sources that touch, with these keys.
 fn two_colors(first: &str, second: &str) -> String {
     let touching =
         two_sources("").replace("min = [1.2, 0, 0], max = [1.5,", "min = [0.8, 0, 0], max = [1.5,");

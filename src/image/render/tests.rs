@@ -128,13 +128,10 @@ fn vertices_have_their_own_colours() {
     let mut ball = sphere(0.8, 24);
     let of = |x: &Vec3| if x.x < 0.0 { [0.8, 0.0, 0.0] } else { [0.0, 0.0, 0.8] };
     ball.colours = ball.positions.iter().map(of).collect();
-    let (picture, _) = draw(&with(|model| model.solids.push(ball.clone())), [200, 200]);
+    let (picture, _) = draw(&with(|model| model.solids.push(ball)), [200, 200]);
     let at = |x: usize| picture.pixels()[100 * 200 + x].map(i32::from);
     let ([r, _, b], [red, _, blue]) = (at(80), at(120));
     assert!(r > b + 50 && blue > red + 50, "{:?} and {:?}", at(80), at(120));
-    // A list that is too short ends no picture.
-    ball.colours.truncate(1);
-    draw(&with(|model| model.solids.push(ball)), [50, 50]);
 }
 
 #[test]
