@@ -102,6 +102,8 @@ pub(crate) enum DeformationError {
 #[derive(Debug)]
 pub(crate) struct Deformation {
     triangles: Vec<[u32; 3]>,
+    /// The connected component that each vertex belongs to, as one of its vertices.
+    components: Vec<u32>,
     /// Positions of the vertices in each sample, and the box around each.
     samples: Vec<Vec<Vec3>>,
     boxes: Vec<(Vec3, Vec3)>,
@@ -214,7 +216,8 @@ impl Deformation {
         keys.push(Key { time: times[last], sample: last, part: 0.0 });
         let origin = boxes[0].0;
         let recent = Mutex::default();
-        let made = Self { triangles, samples, boxes, times, displacements, keys, voxel, origin, recent };
+        let made =
+            Self { triangles, components, samples, boxes, times, displacements, keys, voxel, origin, recent };
         // Counted as floating-point numbers before any memory is taken.
         let side = f64::from(resolution) + 2.0 * f64::from(MARGIN_NODES) + 2.0 * f64::from(ALIGNMENT);
         let limit = (MAX_CUBES * side.powi(3)).min(MAX_NODES).max(side.powi(3));
@@ -235,6 +238,40 @@ impl Deformation {
     /// The triangles, which are the same in all samples.
     pub(crate) fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
+    }
+
+    /// The connected component that each vertex belongs to, as one of its vertices.
+    pub(crate) fn components(&self) -> &[u32] {
+        &self.components
+    }
+
+    /// Velocities of the vertices [1/s]: the mean over so many seconds `around` before `time` and after.
+    pub(crate) fn velocities(&self, time: f64, around: f64) -> Vec<Vec3> {
+        let mut velocities = vec![Vec3::zeros(); self.vertices()];
+        for (times, samples) in self.times.windows(2).zip(self.samples.windows(2)) {
+            let common = (time + around).min(times[1]) - (time - around).max(times[0]);
+            if common > 0.0 {
+                let factor = (common / (2.0 * around * (times[1] - times[0]))) as f32;
+                let moved = samples[0].iter().zip(&samples[1]).map(|(a, b)| (b - a) * factor);
+                velocities.iter_mut().zip(moved).for_each(|(v, by)| *v += by);
+            }
+        }
+        velocities
+    }
+
+    /// The time at which the area of the triangles is largest [s], of those of the samples.
+    pub(crate) fn time_of_largest_area(&self) -> f64 {
+        let area = |positions: &Vec<Vec3>| -> f64 {
+            let of = |triangle: &[u32; 3]| {
+                let [a, b, c] = triangle.map(|corner| positions[corner as usize].cast::<f64>());
+                (b - a).cross(&(c - a)).norm()
+            };
+            self.triangles.iter().map(of).sum()
+        };
+        let areas = self.samples.iter().map(area).zip(&self.times);
+        areas
+            .fold((0.0, self.times[0]), |best, (area, &time)| if area > best.0 { (area, time) } else { best })
+            .1
     }
 
     /// First and last time at which vertices are given [s].
@@ -303,8 +340,8 @@ impl Deformation {
 
     /// Memory of its vertices and keys [bytes].
     pub(crate) fn memory(&self) -> f64 {
-        let (vertex, key) = (size_of::<Vec3>() as f64, size_of::<Key>() as f64);
-        vertex * (self.samples.len() * self.vertices()) as f64 + key * self.keys.len() as f64
+        let [vertex, component, key] = [size_of::<Vec3>(), size_of::<u32>(), size_of::<Key>()];
+        ((vertex * self.samples.len() + component) * self.vertices() + key * self.keys.len()) as f64
     }
 
     /// The grid of a key's field.

@@ -5,8 +5,8 @@
 //! *Limits*: the samples do not resolve parts of a mesh thinner than a voxel.
 
 use super::{MeshShape, Shape};
-use crate::math::Vec3;
 use crate::math::elementary::powf;
+use crate::{math::Vec3, sdf::Sampled};
 use std::f32::consts::PI;
 
 /// Exponent of the mean of [thomsen04].
@@ -82,16 +82,17 @@ fn length_of(dimension: f32) -> f64 {
 }
 
 fn sampled(mesh: &MeshShape) -> f32 {
-    let samples = mesh.samples();
-    let near = |d: &f32| f64::from((1.0 - d.abs() / samples.voxel).max(0.0));
-    let nodes: f64 = samples.values.iter().map(near).sum();
-    (nodes as f32) * (samples.voxel * mesh.scale).powi(2)
+    let area = |(samples, part): (&Sampled, f32)| {
+        let near = |d: &f32| f64::from((1.0 - d.abs() / samples.voxel).max(0.0));
+        let nodes: f64 = samples.values.iter().map(near).sum();
+        (nodes as f32) * (samples.voxel * mesh.scale).powi(2) * part
+    };
+    mesh.fields().map(area).sum()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sdf::Sampled;
     use std::sync::Arc;
 
     #[test]

@@ -205,6 +205,16 @@ impl MeshShape {
         positions.iter().map(|x| pose.to_world(x * self.scale)).collect()
     }
 
+    /// A point in the file's units and axes.
+    pub(super) fn to_file(&self, x: Vec3) -> Vec3 {
+        self.pose().to_local(x) / self.scale
+    }
+
+    /// A direction of the file in the axes of the shape.
+    pub(super) fn turned(&self, direction: Vec3) -> Vec3 {
+        self.pose().rotation * direction
+    }
+
     /// # Panics
     /// If the shape was not filled: a fault of the program, not of the preset.
     #[inline]
@@ -215,6 +225,15 @@ impl MeshShape {
     /// The distances, in the file's units and axes.
     pub fn samples(&self) -> &Sampled {
         &self.placed().field
+    }
+
+    /// The distances of one time or of two, and the part of each, in the file's units and axes.
+    pub(super) fn fields(&self) -> impl Iterator<Item = (&Sampled, f32)> {
+        let Placed { field, next, .. } = self.placed();
+        let part = next.as_ref().map_or(0.0, |(_, part)| *part);
+        [(field.as_ref(), 1.0 - part)]
+            .into_iter()
+            .chain(next.as_ref().map(|(next, part)| (next.as_ref(), *part)))
     }
 
     /// Distance and unit normal at `x`, as [`Sampled::sample`] has them.

@@ -9,6 +9,7 @@ mod motion;
 mod rigid_body;
 mod round;
 mod shape;
+mod surface_velocity;
 
 pub use collider::{Collider, Look, Solid};
 pub use contact::ShapeError;
@@ -17,3 +18,4 @@ pub use mesh::{Axis, MeshShape};
 pub use motion::{Interpolation, Keyframe, Motion, Pose};
 pub(crate) use rigid_body::{BodyState, MassProperties, RigidBody, body_poses};
 pub use shape::Shape;
+pub(crate) use surface_velocity::{SurfaceVelocity, angular_velocity};

@@ -10,6 +10,7 @@
 //! Limits: impulses are first order in time.
 
 mod air;
+mod body;
 mod emit;
 mod estimate;
 mod field;
@@ -52,12 +53,9 @@ use super::{
         flow::{Flow, Medium, SubstepLimits},
     },
 };
-use crate::{
-    math::Vec3,
-    sim::Diverged,
-    solid::{Shape, Solid},
-};
+use crate::{math::Vec3, sim::Diverged};
 use air::{Air, Instant};
+use body::PlacedForm;
 use emit::Emitted;
 use filaments::Setting;
 use tracers::{Seeds, Tracers};
@@ -85,7 +83,6 @@ const SAMPLES: usize = 200;
 pub(super) struct System {
     params: SmokeParams,
     gravity: Vec3,
-    solids: Vec<Solid>,
     air: Air,
     emitters: Vec<emit::Source>,
     flow: Flow,
@@ -116,7 +113,7 @@ impl System {
             emit::fill(source, setting.tracers, key as u32, &mut seeds);
         }
         vortons.check()?;
-        system.skipped_in_solids = seeds.retain(|x| !is_inside(&system.solids, x, 0.0));
+        system.skipped_in_solids = seeds.retain(system.air.outside_solids(0.0));
         system.tracers.add(seeds);
         system.add(vortons);
         if system.flow.vortons.is_empty() && system.tracers.is_empty() && system.emitters.is_empty() {
@@ -133,7 +130,6 @@ impl System {
             emitters.map(|(key, emitter)| emit::Source::new(emitter, key as u32, spacing, fps, first));
         Self {
             gravity: world.gravity,
-            solids: world.solids.clone(),
             air: Air::new(&params, world),
             emitters: emitters.collect(),
             flow: Flow::new(params.flow.clone()),
@@ -266,9 +262,9 @@ impl System {
             let SmokeParams { dissolve, cooling, .. } = self.params;
             clock.time("smoke_fade", || self.tracers.fade(dissolve, cooling, report.seconds));
         }
-        let solids = &self.solids;
-        let tended = clock
-            .time("smoke_move", || self.flow.remesh_if_needed(span.number, &|x| medium(solids, x, then)));
+        let solids = self.air.solids(then);
+        let tended =
+            clock.time("smoke_move", || self.flow.remesh_if_needed(span.number, &|x| medium(&solids, x)));
         record.flow.add_remeshing(tended?);
         Ok(report.seconds)
     }
@@ -290,7 +286,7 @@ impl System {
     /// Emits tracers; those inside a solid are rejected.
     fn emit(&self, now: f64, then: f64, emitted: &mut Emitted, record: &mut SmokeRecord) {
         self.emitters.iter().for_each(|emitter| emitter.emit(now, then, emitted));
-        record.rejected += u64::from(emitted.retain(|x| !is_inside(&self.solids, x, then)));
+        record.rejected += u64::from(emitted.retain(self.air.outside_solids(then)));
         record.emitted += emitted.seeds.position.len() as u64;
     }
 
@@ -301,23 +297,14 @@ impl System {
     }
 }
 
-/// What a point at `time` [s] is in. Beyond a plane are mirror images.
-fn medium(solids: &[Solid], x: Vec3, time: f64) -> Medium {
-    let holds = |solid: &&Solid| is_inside(std::slice::from_ref(*solid), x, time);
-    let is_plane = |solid: &&Solid| matches!(solid.shape, Shape::Plane { .. });
-    if solids.iter().filter(|solid| !is_plane(solid)).any(|solid| holds(&solid)) {
+/// What a point is in. Beyond a plane are mirror images.
+fn medium(solids: &[PlacedForm], x: Vec3) -> Medium {
+    let holding = || solids.iter().filter(|solid| solid.contains(x));
+    if holding().any(|solid| !solid.is_plane()) {
         Medium::Solid
-    } else if solids.iter().filter(is_plane).any(|solid| holds(&solid)) {
+    } else if holding().next().is_some() {
         Medium::Mirror
     } else {
         Medium::Air
     }
-}
-
-/// Whether a point lies in a solid at `time` [s].
-fn is_inside(solids: &[Solid], x: Vec3, time: f64) -> bool {
-    solids.iter().any(|Solid { shape, motion, .. }| {
-        let local = motion.as_ref().map_or(x, |motion| motion.pose(time).to_local(x));
-        shape.signed_distance(local) < 0.0
-    })
 }

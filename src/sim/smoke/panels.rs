@@ -53,6 +53,10 @@ const MIN_LOCAL_THICKNESS: f32 = 4.0;
 /// step a tenth more than with this.
 const MERGE_DISTANCE: f32 = 0.4;
 
+/// Largest coupling of two square source panels, the product of what each induces at the other over that of what they induce at themselves:
+/// at 1 their equations are the same.
+const MAX_COUPLING: f32 = 0.8;
+
 /// Smallest inner radius of a solid with sources [steps]. In thinner ones the grid's position decides on which side panels lie, and
 /// more is left than without sources (a prototype). With a radius of 0.7 steps 0.3 to 0.7 is left.
 const MIN_INNER_RADIUS: f32 = 0.5;
@@ -101,22 +105,44 @@ fn bounds(shape: &Shape) -> Option<(Vec3, Vec3)> {
     }
 }
 
-/// Position of a grid node [m]: off the origin, so that nodes do not fall onto faces at round numbers.
-fn node_position(node: Vec3, step: f32) -> Vec3 {
-    (node + OFFSET) * step
+/// The grid whose nodes are projected onto a surface.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PanelGrid {
+    /// Distance of its nodes [m].
+    pub(super) step: f32,
+    /// Where it starts [m].
+    pub(super) origin: Vec3,
+}
+
+impl PanelGrid {
+    /// The grid of a shape that keeps its form.
+    fn of(step: f32) -> Self {
+        Self { step, origin: Vec3::zeros() }
+    }
+
+    /// Position of a node [m]: off the origin, so that nodes do not fall onto faces at round numbers.
+    fn node(&self, node: Vec3) -> Vec3 {
+        (node + OFFSET) * self.step + self.origin
+    }
+
+    /// The cell of a point.
+    fn cell(&self, x: Vec3) -> [i64; 3] {
+        [0, 1, 2].map(|axis| ((x[axis] - self.origin[axis]) / self.step - OFFSET[axis]).floor() as i64)
+    }
 }
 
 /// The nodes around a shape that may be nearer than `step` to its surface, by z, y and x.
-fn near(shape: &Shape, step: f32) -> Vec<[i64; 3]> {
+fn near(shape: &Shape, grid: PanelGrid) -> Vec<[i64; 3]> {
+    let PanelGrid { step, origin } = grid;
     let Some((low, high)) = bounds(shape) else { return Vec::new() };
-    let first = low.map(|v| (v / step).floor() as i64 - 1);
-    let last = high.map(|v| (v / step).ceil() as i64 + 1);
+    let first = (low - origin).map(|v| (v / step).floor() as i64 - 1);
+    let last = (high - origin).map(|v| (v / step).ceil() as i64 + 1);
     let mut found = Vec::new();
     let mut blocks = vec![(first, ((last - first).max() as u64 + 1).next_power_of_two() as i64)];
     while let Some((corner, side)) = blocks.pop() {
         // From its centre to its corners [steps].
         let half = 0.5 * (side - 1) as f32;
-        let middle = node_position(corner.map(|v| v as f32).add_scalar(half), step);
+        let middle = grid.node(corner.map(|v| v as f32).add_scalar(half));
         if shape.signed_distance(middle).abs() > MAX_SLOPE * step * (1.0 + 3.0_f32.sqrt() * half) {
             continue;
         }
@@ -139,12 +165,13 @@ pub(super) fn panels(shape: &Shape, step: f32) -> Vec<Panel> {
     if let Shape::Box { min, max } = shape {
         return box_panels(Vec3::from(*min), Vec3::from(*max), step);
     }
-    with_sources(shape, step)
+    with_sources(shape, PanelGrid::of(step))
 }
 
-/// Panels with sources below them.
-fn with_sources(shape: &Shape, step: f32) -> Vec<Panel> {
-    let mut made = project_nodes(shape, step);
+/// Panels with sources below them, of the surface's nodes in `grid`.
+pub(super) fn with_sources(shape: &Shape, grid: PanelGrid) -> Vec<Panel> {
+    let step = grid.step;
+    let mut made = project_nodes(shape, grid);
     // In thin parts the areas of the nodes do not sum to that of the surface.
     let whole = shape.area();
     let scale = whole / made.iter().map(|panel| panel.area).sum::<f32>();
@@ -164,7 +191,28 @@ fn with_sources(shape: &Shape, step: f32) -> Vec<Panel> {
     for panel in &mut made {
         panel.source = if edged { tile(shape, panel, step) } else { point(shape, panel, step) };
     }
+    if edged {
+        remove_coupled(&mut made, step);
+    }
     made
+}
+
+/// Removes the source of the second of two panels whose equations are nearly the same: their sources would cancel.
+fn remove_coupled(panels: &mut [Panel], step: f32) {
+    let at: Vec<Vec3> = panels.iter().map(|panel| panel.x).collect();
+    let cells = CellGrid::new(&at, step);
+    for i in 1..panels.len() {
+        let Some(own) = panels[i].source else { continue };
+        let influence = |source: Source, panel: &Panel| panel.normal.dot(&source.flow(panel.x, None));
+        let is_coupled = |j: usize| {
+            let Some(other) = panels[j].source.filter(|_| j < i) else { return false };
+            let across = influence(other, &panels[i]) * influence(own, &panels[j]);
+            across > MAX_COUPLING * influence(own, &panels[i]) * influence(other, &panels[j])
+        };
+        if cells.nearest_within(&at, panels[i].x, step, is_coupled).is_some() {
+            panels[i].source = None;
+        }
+    }
 }
 
 /// Panels of which those nearer than `distance` [m] are merged into the first of them. Its position and normal are kept: the mean of
@@ -234,19 +282,19 @@ fn point(shape: &Shape, panel: &Panel, step: f32) -> Option<Source> {
 }
 
 /// Panels without sources; their areas are those of the nodes.
-fn project_nodes(shape: &Shape, step: f32) -> Vec<Panel> {
+fn project_nodes(shape: &Shape, grid: PanelGrid) -> Vec<Panel> {
+    let step = grid.step;
     // Area and first moment of each cell.
     let mut cells: BTreeMap<[i64; 3], (f32, Vec3)> = BTreeMap::new();
-    for [k, j, i] in near(shape, step) {
-        let node = node_position(Vec3::new(i as f32, j as f32, k as f32), step);
+    for [k, j, i] in near(shape, grid) {
+        let node = grid.node(Vec3::new(i as f32, j as f32, k as f32));
         let (distance, normal) = shape.contact(node);
         if distance.abs() >= step {
             continue;
         }
         let area = step * step * (1.0 - distance.abs() / step);
         let x = node - normal * distance;
-        let cell =
-            cells.entry([0, 1, 2].map(|axis| (x[axis] / step - OFFSET[axis]).floor() as i64)).or_default();
+        let cell = cells.entry(grid.cell(x)).or_default();
         cell.0 += area;
         cell.1 += x * area;
     }
@@ -350,7 +398,7 @@ mod tests {
         for (shape, step) in
             shapes().into_iter().flat_map(|shape| [0.03, 0.07].map(|step| (shape.clone(), step)))
         {
-            let found = near(&shape, step);
+            let found = near(&shape, PanelGrid::of(step));
             let (low, high) = bounds(&shape).unwrap();
             let range =
                 |axis: usize| (low[axis] / step).floor() as i64 - 1..=(high[axis] / step).ceil() as i64 + 1;
@@ -358,7 +406,7 @@ mod tests {
             for (k, j, i) in
                 range(2).flat_map(|k| range(1).flat_map(move |j| range(0).map(move |i| (k, j, i))))
             {
-                let node = node_position(Vec3::new(i as f32, j as f32, k as f32), step);
+                let node = PanelGrid::of(step).node(Vec3::new(i as f32, j as f32, k as f32));
                 let near = shape.contact(node).0.abs() < step;
                 missed += usize::from(near && found.binary_search(&[k, j, i]).is_err());
             }
@@ -382,7 +430,7 @@ mod tests {
     fn panels_near_an_edge_do_not_coincide() {
         let cuboid = Shape::Box { min: [-10.0, -10.0, -20.0], max: [10.0, 10.0, 0.0] };
         for step in [1.22, 1.3, 1.32, 1.36, 1.5] {
-            let made = with_sources(&cuboid, step);
+            let made = with_sources(&cuboid, PanelGrid::of(step));
             let near =
                 |i: usize| (0..i).map(|j| (made[i].x - made[j].x).norm()).fold(f32::INFINITY, f32::min);
             let min = (1..made.len()).map(near).fold(f32::INFINITY, f32::min);
@@ -401,7 +449,7 @@ mod tests {
     fn large_solids_take_time_by_their_surface() {
         // A million nodes in its bounds, its surface is 60 000 cells.
         let cuboid = Shape::Box { min: [0.0, 0.0, 0.0], max: [2.0, 2.0, 2.0] };
-        let found = near(&cuboid, 0.02);
+        let found = near(&cuboid, PanelGrid::of(0.02));
         let surface = 24.0 / (0.02 * 0.02);
         assert!(
             (found.len() as f32) < 4.0 * surface,

@@ -197,8 +197,7 @@ impl Replay {
         tracers.position = moved(&tracers.position, &second, dt);
         let mut emitted = Emitted::default();
         self.emitters.iter().for_each(|emitter| emitter.emit(now, then, &mut emitted));
-        let solids = &self.start.solids;
-        report.rejected += u64::from(emitted.retain(|x| !super::is_inside(solids, x, then)));
+        report.rejected += u64::from(emitted.retain(self.start.air.outside_solids(then)));
         tracers.add(emitted.seeds);
         report.returned += self.start.project_tracers_out(&mut tracers.position, then);
         let params = &self.smoke.params;

@@ -33,6 +33,14 @@ impl Source {
         }
     }
 
+    /// This source in a solid that is `scale` times as large.
+    pub(super) fn scaled(&self, scale: f32) -> Self {
+        match self {
+            Self::Point(y) => Self::Point(y * scale),
+            Self::Tile(tile) => Self::Tile(tile.scaled(scale)),
+        }
+    }
+
     /// Velocity that it and its mirror image induce at `x`: a point of 4π m³/s [1/m²], a panel of 4π m/s [1].
     #[inline]
     pub(super) fn flow(&self, x: Vec3, mirror: Option<(Vec3, f32)>) -> Vec3 {

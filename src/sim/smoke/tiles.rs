@@ -36,6 +36,16 @@ impl Tile {
         Self { middle: pose.to_world(self.middle), axes: self.axes.map(|axis| pose.rotation * axis), ..*self }
     }
 
+    /// This panel of a solid that is `scale` times as large.
+    pub(super) fn scaled(&self, scale: f32) -> Self {
+        Self {
+            middle: self.middle * scale,
+            axes: self.axes,
+            half: self.half.map(|half| half * scale),
+            soft: self.soft * scale,
+        }
+    }
+
     /// This panel under a reflection of positions and directions.
     pub(super) fn turned(&self, place: impl Fn(Vec3) -> Vec3, direction: impl Fn(Vec3) -> Vec3) -> Self {
         Self { middle: place(self.middle), axes: self.axes.map(direction), ..*self }

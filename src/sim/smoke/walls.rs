@@ -13,7 +13,7 @@
 //! Limits: panels are at least one spacing wide, and at most 1600 in all (`widths.rs`); a plane is taken to stand still.
 
 use super::{
-    emit::VELOCITY_TIME_STEP,
+    body::{Body, PlacedForm, largest_shape},
     influence::Influence,
     mirror,
     panels::Panel,
@@ -24,9 +24,9 @@ use crate::{
     math::{Vec3, gmres},
     par,
     sim::vortex::Gradient,
-    solid::{Motion, Pose, Shape, Solid},
+    solid::{Pose, Shape, Solid},
 };
-use std::sync::OnceLock;
+use std::{borrow::Cow, sync::OnceLock};
 
 /// Residual of the normal flow at the panels at which the equations count as solved.
 const RESIDUAL: f64 = 1e-4;
@@ -43,15 +43,6 @@ pub(super) struct Walls {
     /// The coefficients, once they are known, of solids that stand still. [`Self::solve`] must not be called by a parallel loop, which
     /// could enter it a second time while it is computed.
     still: OnceLock<Influence>,
-}
-
-#[derive(Debug)]
-struct Body {
-    shape: Shape,
-    motion: Option<Motion>,
-    panels: Vec<Panel>,
-    /// Centre of its surface [m].
-    middle: Vec3,
 }
 
 /// A panel in its solid's pose at a time.
@@ -106,26 +97,26 @@ impl Walls {
             }
             _ => None,
         });
-        let shapes: Vec<&Shape> = solids.iter().map(|solid| &solid.shape).collect();
-        let body = |(solid, panels): (&Solid, Vec<Panel>)| Body {
-            shape: solid.shape.clone(),
-            motion: solid.motion.clone(),
-            middle: middle(&panels),
-            panels,
-        };
-        let bodies = solids.iter().zip(distribute_panels(&shapes, spacing)).map(body).collect();
+        let shapes: Vec<Cow<'_, Shape>> = solids.iter().map(largest_shape).collect();
+        let shapes: Vec<&Shape> = shapes.iter().map(AsRef::as_ref).collect();
+        let panels = distribute_panels(&shapes, spacing);
+        let bodies = solids.iter().zip(panels).map(|(solid, panels)| Body::new(solid, panels)).collect();
         Some(Self { bodies, mirror, still: OnceLock::new() })
+    }
+
+    /// The solids where they are at `time` [s].
+    pub(super) fn at(&self, time: f64) -> Vec<PlacedForm> {
+        self.bodies.iter().map(|body| body.at(time)).collect()
     }
 
     /// Indices of the solids without a source, which let the air through. A plane needs none, nor does a solid below it.
     pub(super) fn sourceless(&self) -> Vec<usize> {
         let is_bare = |body: &Body| {
-            let is_plane = matches!(body.shape, Shape::Plane { .. });
-            let is_sourced =
-                if body.motion.is_some() { body.has_sources() } else { self.is_sourced(body, 0.0) };
-            let is_in_air = body.panels.is_empty()
-                || body.panels.iter().any(|panel| mirror::is_before(panel, self.mirror));
-            is_in_air && !(is_plane || is_sourced)
+            let is_sourced = if body.is_still() { self.is_sourced(body, 0.0) } else { body.has_sources() };
+            let panels = body.largest_panels();
+            let is_in_air =
+                panels.is_empty() || panels.iter().any(|panel| mirror::is_before(panel, self.mirror));
+            is_in_air && !(body.is_plane() || is_sourced)
         };
         (0..self.bodies.len()).filter(|&number| is_bare(&self.bodies[number])).collect()
     }
@@ -144,14 +135,14 @@ impl Walls {
     fn is_sourced(&self, body: &Body, time: f64) -> bool {
         body.has_sources()
             && body
-                .placed(&body.panels, time)
+                .panels(time)
                 .iter()
                 .any(|placed| mirror::source_in_air(&placed.panel, self.mirror).is_some())
     }
 
     /// All panels at `time` [s].
     pub(super) fn placed(&self, time: f64) -> Vec<Placed> {
-        self.bodies.iter().flat_map(|body| body.placed(&body.panels, time)).collect()
+        self.bodies.iter().flat_map(|body| body.panels(time)).collect()
     }
 
     /// Solves for the sources that cancel the normal flow of `air` [m/s] at the panels of [`Self::sourced`].
@@ -168,7 +159,7 @@ impl Walls {
             Influence::new(&panels, mirror)
         };
         let moved;
-        let influence = if self.bodies.iter().all(|body| body.motion.is_none() || !body.has_sources()) {
+        let influence = if self.bodies.iter().all(|body| body.is_still() || !body.has_sources()) {
             self.still.get_or_init(coefficients)
         } else {
             moved = coefficients();
@@ -195,14 +186,15 @@ impl Walls {
             })
         };
         let turned = |body: &Body| {
-            let mut panels = body.placed(&body.panels, time);
+            let mut panels = body.panels(time);
+            let all = panels.len();
             panels.retain(is_before);
-            let cut = self.mirror.filter(|_| panels.len() < body.panels.len()).map(|(n, _)| n);
+            let cut = self.mirror.filter(|_| panels.len() < all).map(|(n, _)| n);
             // At the start of the shot no vorticity has been shed.
             let [first, second] =
-                spun.times.map(|time| if time == 0.0 { Vec3::zeros() } else { body.spin(time) });
+                spun.times.map(|time| if time == 0.0 { Vec3::zeros() } else { body.angular_velocity(time) });
             let before = first * (1.0 - spun.part) + second * spun.part;
-            Turning { panels, cut, before, spin: body.spin(time) }
+            Turning { panels, cut, before, spin: body.angular_velocity(time) }
         };
         self.with_sources(time).map(turned).collect()
     }
@@ -238,17 +230,16 @@ impl Walls {
 
     /// Projects points that are inside a solid, or nearer to one than `gap` [m], to that distance; returns how many were inside.
     pub(super) fn project_out(&self, points: &mut [Vec3], gap: f32, time: f64) -> u64 {
-        let poses: Vec<Option<Pose>> = self.bodies.iter().map(|body| body.pose(time)).collect();
+        let placed = self.at(time);
         let counts = par::map_chunks_mut([points], par::CHUNK, |_, [points]| {
             let mut inside = 0;
             for x in points {
                 let mut was = false;
-                for (body, pose) in self.bodies.iter().zip(&poses) {
-                    let local = pose.map_or(*x, |pose| pose.to_local(*x));
-                    let (distance, normal) = body.shape.contact(local);
+                for solid in &placed {
+                    let (distance, normal) = solid.form.shape.contact(solid.to_local(*x));
                     if distance < gap {
                         was |= distance < 0.0;
-                        *x += pose.map_or(normal, |pose| pose.rotation * normal) * (gap - distance);
+                        *x += solid.turned(normal) * (gap - distance);
                     }
                 }
                 inside += u64::from(was);
@@ -261,13 +252,11 @@ impl Walls {
     /// Distance of points from the nearest solid with sources at `time` [s], up to `max` [m], and that solid's index among them; 0 for
     /// none.
     pub(super) fn heights(&self, points: &[Vec3], max: f32, time: f64) -> Vec<(f32, usize)> {
-        let bodies: Vec<(&Body, Option<Pose>)> =
-            self.with_sources(time).map(|body| (body, body.pose(time))).collect();
+        let placed: Vec<PlacedForm> = self.with_sources(time).map(|body| body.at(time)).collect();
         let mut heights = vec![(max, 0); points.len()];
         par::update(&mut heights, |i, nearest| {
-            for (number, (body, pose)) in bodies.iter().enumerate() {
-                let local = pose.map_or(points[i], |pose| pose.to_local(points[i]));
-                let height = body.shape.signed_distance(local);
+            for (number, solid) in placed.iter().enumerate() {
+                let height = solid.form.shape.signed_distance(solid.to_local(points[i]));
                 if height < nearest.0 {
                     *nearest = (height, number);
                 }
@@ -279,11 +268,11 @@ impl Walls {
     /// Sets the velocity of points inside solids to that of the solid at `time` [m/s]: what the sources induce there means nothing.
     pub(super) fn set_solid_velocity(&self, points: &[Vec3], velocity: &mut [Vec3], time: f64) {
         for body in &self.bodies {
-            let moving = body.motion.as_ref().map(|motion| Moving::new(motion, time));
+            let solid = body.at(time);
             par::update(velocity, |i, v| {
-                let local = moving.as_ref().map_or(points[i], |moving| moving.pose.to_local(points[i]));
-                if body.shape.signed_distance(local) < 0.0 {
-                    *v = moving.as_ref().map_or(Vec3::zeros(), |moving| moving.velocity(local));
+                let local = solid.to_local(points[i]);
+                if solid.form.shape.signed_distance(local) < 0.0 {
+                    *v = solid.velocity(local);
                 }
             });
         }
@@ -291,34 +280,33 @@ impl Walls {
 
     /// Upper bound of the speed of any point of a solid between two times [s] [m/s].
     pub(super) fn fastest(&self, from: f64, to: f64) -> f64 {
-        let speed = |body: &Body| {
-            let reach = body.shape.reach();
-            // A plane does not move.
-            body.motion.as_ref().filter(|_| reach.is_finite()).map_or(0.0, |m| m.fastest(from, to, reach))
-        };
-        self.bodies.iter().map(speed).fold(0.0, f64::max)
+        self.bodies.iter().map(|body| body.fastest(from, to)).fold(0.0, f64::max)
     }
 
-    /// Largest displacement of a solid in a step, for vortons of this core [m]: a core, a panel, or the radius of the largest ball in the
-    /// smallest solid that moves. Farther, and it passes over smoke without moving it.
-    pub(super) fn max_displacement(&self, core: f32) -> f32 {
-        let moving = self.bodies.iter().filter(|body| body.motion.is_some());
-        let widths = self.bodies.iter().flat_map(|body| body.panels.first()).map(|panel| panel.width);
-        moving.map(|body| body.shape.inner_radius()).chain(widths).fold(core, f32::min)
+    /// Largest displacement of a solid in a step from `time` [s], for vortons of this core [m]: a core, a panel, or the radius of the largest
+    /// ball in the smallest solid that moves. Farther, and it passes over smoke without moving it.
+    pub(super) fn max_displacement(&self, core: f32, time: f64) -> f32 {
+        let moving = self.bodies.iter().filter(|body| !body.is_still());
+        let widths =
+            self.bodies.iter().flat_map(|body| body.largest_panels().first()).map(|panel| panel.width);
+        moving.map(|body| body.inner_radius(time)).chain(widths).fold(core, f32::min)
     }
 
     /// The width of the widest panel [m].
     pub(super) fn widest(&self) -> f32 {
-        self.bodies.iter().flat_map(|body| &body.panels).map(|panel| panel.width).fold(0.0, f32::max)
+        let panels = self.bodies.iter().flat_map(|body| body.largest_panels());
+        panels.map(|panel| panel.width).fold(0.0, f32::max)
     }
 
     /// Points on the surface of each solid between its panels, at which leakage is measured.
     pub(super) fn leakage_points(&self, time: f64) -> Vec<Vec<Placed>> {
         let mut numbers = 0..;
         let mut between = |body: &Body| {
+            let solid = body.at(time);
+            let shape = &solid.form.shape;
             let witness = |panel: &Panel| {
                 let number = numbers.next()?;
-                if let (Some(Source::Tile(tile)), Shape::Box { .. }) = (panel.source, &body.shape) {
+                if let (Some(Source::Tile(tile)), Shape::Box { .. }) = (panel.source, shape) {
                     return Some(Panel { x: tile.near_border(number), ..*panel });
                 }
                 // Half a panel off its centre, in directions that vary.
@@ -327,11 +315,11 @@ impl Walls {
                     return None;
                 }
                 let x = panel.x + aside.normalize() * (0.5 * panel.width);
-                let (distance, normal) = body.shape.contact(x);
+                let (distance, normal) = shape.contact(x);
                 Some(Panel { x: x - normal * distance, normal, ..*panel })
             };
-            let found: Vec<Panel> = body.panels.iter().filter_map(witness).collect();
-            let mut placed = body.placed(&found, time);
+            let found: Vec<Panel> = solid.form.panels.iter().filter_map(witness).collect();
+            let mut placed = solid.placed(&found);
             placed.retain(|Placed { panel, .. }| mirror::is_before(panel, self.mirror));
             placed
         };
@@ -339,90 +327,10 @@ impl Walls {
     }
 }
 
-/// A moving solid at a time.
-struct Moving {
-    pose: Pose,
-    /// Poses [`VELOCITY_TIME_STEP`] seconds before and after.
-    before_after: [Pose; 2],
-}
-
-impl Moving {
-    fn new(motion: &Motion, time: f64) -> Self {
-        Self {
-            pose: motion.pose(time),
-            before_after: [time - VELOCITY_TIME_STEP, time + VELOCITY_TIME_STEP]
-                .map(|time| motion.pose(time)),
-        }
-    }
-
-    /// Velocity of the solid's point `local` [m/s].
-    fn velocity(&self, local: Vec3) -> Vec3 {
-        let [before, after] = &self.before_after;
-        (after.to_world(local) - before.to_world(local)) / (2.0 * VELOCITY_TIME_STEP) as f32
-    }
-
-    /// Angular velocity [1/s]: exactly 0 for a translation.
-    fn spin(&self) -> Vec3 {
-        let [before, after] = self.before_after.map(|pose| pose.rotation);
-        let change = (after - before) / (2.0 * VELOCITY_TIME_STEP) as f32;
-        // Σ e × (Ω × e) = 2Ω of its three axes.
-        let axis = |axis: usize| self.pose.rotation.column(axis).cross(&change.column(axis)) * 0.5;
-        axis(0) + axis(1) + axis(2)
-    }
-}
-
-/// Area-weighted centre of panels [m].
-fn middle(panels: &[Panel]) -> Vec3 {
-    let area: f32 = panels.iter().map(|panel| panel.area).sum();
-    if area == 0.0 {
-        return Vec3::zeros();
-    }
-    panels.iter().map(|panel| panel.x * (panel.area / area)).sum()
-}
-
-impl Body {
-    /// Whether it has a source.
-    fn has_sources(&self) -> bool {
-        self.panels.iter().any(|panel| panel.source.is_some())
-    }
-
-    /// Pose at `time` [s], if it moves.
-    fn pose(&self, time: f64) -> Option<Pose> {
-        self.motion.as_ref().map(|motion| motion.pose(time))
-    }
-
-    /// Angular velocity at `time` [1/s].
-    fn spin(&self, time: f64) -> Vec3 {
-        self.motion.as_ref().map_or(Vec3::zeros(), |motion| Moving::new(motion, time).spin())
-    }
-
-    /// `panels` of the solid at `time` [s].
-    fn placed(&self, panels: &[Panel], time: f64) -> Vec<Placed> {
-        let Some(motion) = &self.motion else {
-            let still =
-                |&panel: &Panel| Placed { panel, velocity: Vec3::zeros(), arm: panel.x - self.middle };
-            return panels.iter().map(still).collect();
-        };
-        let moving = Moving::new(motion, time);
-        let pose = moving.pose;
-        let turned = |panel: &Panel| Placed {
-            panel: Panel {
-                x: pose.to_world(panel.x),
-                normal: pose.rotation * panel.normal,
-                source: panel.source.map(|source| source.placed(&pose)),
-                ..*panel
-            },
-            velocity: moving.velocity(panel.x),
-            arm: pose.rotation * (panel.x - self.middle),
-        };
-        panels.iter().map(turned).collect()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::solid::{Interpolation, Keyframe};
+    use crate::solid::{Interpolation, Keyframe, Motion};
 
     #[test]
     fn wind_flows_around_a_sphere_as_potential_flow() {
@@ -461,7 +369,8 @@ mod tests {
         let shape = Shape::Box { min: [-0.2, -0.2, -0.2], max: [0.2, 0.2, 0.2] };
         let still = Solid::fixed(Shape::Sphere { center: [5.0, 0.0, 0.0], radius: 0.5 });
         let floor = Solid::fixed(Shape::Plane { point: [0.0, 0.0, -1.0], normal: [0.0, 0.0, 1.0] });
-        let walls = Walls::new(&[Solid { motion, ..Solid::fixed(shape) }, still, floor], 0.1).unwrap();
+        let solids = [Solid { motion, ..Solid::fixed(shape) }, still, floor];
+        let walls = Walls::new(&solids, 0.1).unwrap();
         // At one second the box is at 0.5 m, an eighth of a turn on; it spins with 45° a second.
         let points = [[0.5, 0.1, 0.05], [0.5, 0.25, 0.0], [0.5, 0.4, 0.0], [5.1, 0.0, 0.0], [3.0, 0.0, -1.5]];
         let points = points.map(Vec3::from);
@@ -477,10 +386,9 @@ mod tests {
         let fastest = walls.fastest(0.0, 2.0);
         assert!((fastest - (0.5 + 0.12_f64.sqrt() * std::f64::consts::FRAC_PI_4)).abs() < 1e-4, "{fastest}");
         assert_eq!(walls.fastest(2.0, 3.0), 0.0);
-        assert_eq!((walls.max_displacement(0.05), walls.max_displacement(9.0)), (0.05, 0.1));
-        let mut walls = walls;
-        walls.bodies.iter_mut().flat_map(|body| &mut body.panels).for_each(|panel| panel.width = 9.0);
-        assert_eq!(walls.max_displacement(9.0), 0.2);
+        assert_eq!((walls.max_displacement(0.05, 0.0), walls.max_displacement(9.0, 0.0)), (0.05, 0.1));
+        let walls = Walls::new(&solids, 9.0).unwrap();
+        assert_eq!(walls.max_displacement(9.0, 0.0), 0.2);
     }
 
     #[test]

@@ -7,7 +7,7 @@
 //! Limits: panels are at least one spacing wide. A solid that would need panels wider than itself, as among some hundreds of others,
 //! has none.
 
-use super::panels::{Panel, longest, panels};
+use super::panels::{Panel, PanelGrid, longest, panels, with_sources};
 use crate::solid::Shape;
 
 /// Limit of panels of all solids: the matrix then takes 10 MB, and a solve up to 60 products with it.
@@ -27,11 +27,30 @@ pub(super) fn distribute_panels(shapes: &[&Shape], spacing: f32) -> Vec<Vec<Pane
     let share = share(tries.iter().map(|(_, panels)| panels.len()).collect());
     for ((step, found), shape) in tries.iter_mut().zip(shapes) {
         while found.len() > share {
-            *step *= (found.len() as f32 / share as f32).sqrt().max(1.05);
+            *step *= wider(found.len(), share);
             *found = if *step < longest(shape) { panels(shape, *step) } else { Vec::new() };
         }
     }
     tries.into_iter().map(|(_, panels)| panels).collect()
+}
+
+/// Panels of a shape in a grid, or a wider one in which there are at most `limit`.
+pub(super) fn panels_within(shape: &Shape, mut grid: PanelGrid, limit: usize) -> Vec<Panel> {
+    loop {
+        let found = with_sources(shape, grid);
+        if found.len() <= limit {
+            return found;
+        }
+        grid.step *= wider(found.len(), limit);
+        if grid.step >= longest(shape) {
+            return Vec::new();
+        }
+    }
+}
+
+/// Factor of the width of panels, of which there are more than the limit.
+fn wider(count: usize, limit: usize) -> f32 {
+    (count as f32 / limit as f32).sqrt().max(1.05)
 }
 
 /// Largest number of panels of one solid such that all solids together have at most [`MAX_PANELS`].

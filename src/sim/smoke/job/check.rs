@@ -4,7 +4,7 @@ use crate::{
     preset::{
         check::Places,
         problem::Finding,
-        shapes::{check_motion, refuse_deforming, source_finding},
+        shapes::{check_motion, source_finding},
     },
     sim::{
         scene::Scene,
@@ -67,7 +67,7 @@ pub(super) fn check_smoke(scene: &Scene, smoke: &SmokeParams, places: &Places, f
     }
     check_sum(smoke, places, findings);
     check_planes(scene, places, findings);
-    refuse_deforming(&scene.world.collider, "smoke", places, findings);
+    check_tanks(scene, places, findings);
 }
 
 /// Checks that the grid sum can keep the requested error, and that multigrid has its kernel.
@@ -116,6 +116,18 @@ fn check_planes(scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
             )
             .with_help("use a box with its face where the plane is"),
         );
+    }
+}
+
+/// Checks that no tank changes its size: the air in it, which is not compressed, would have to leave.
+fn check_tanks(scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
+    let tanks = scene.world.collider.iter().enumerate();
+    let tanks = tanks.filter(|(_, collider)| matches!(collider.shape, Shape::Tank { .. }));
+    for (index, _) in tanks.filter(|(_, tank)| tank.is_deforming()) {
+        let key = format!("world.collider.{index}.keyframes");
+        let message = "a tank with smoke must keep its size: its air could not get out";
+        let finding = Finding::new(places.of(&key), &key, message, "found `scale` in keyframes");
+        findings.push(finding.with_help("leave out `scale`"));
     }
 }
 

@@ -1,0 +1,446 @@
+//! A solid in the air: its shape and panels at any time.
+//!
+//! *Method*: a solid that keeps its shape has one set of panels, which its pose moves. Where its size changes they are those of the largest
+//! size, made smaller. A mesh whose vertices move has new panels at each time, of the width that its largest area allows; their grid
+//! moves with the mean of its vertices. Panels move as the surface does, along it too.
+//!
+//! Limits: panels of a mesh that turns or bends by its vertices change from step to step, and with them what leaks between them.
+
+use super::{
+    emit::VELOCITY_TIME_STEP,
+    panels::{Panel, PanelGrid},
+    sources::Source,
+    walls::Placed,
+    widths::panels_within,
+};
+use crate::{
+    math::Vec3,
+    solid::{MeshShape, Motion, Pose, Shape, Solid, SurfaceVelocity, angular_velocity},
+};
+use std::{
+    borrow::Cow,
+    sync::{Arc, Mutex, PoisonError},
+};
+
+/// Most panels of a mesh that deforms, over those at its largest area, which is found without counting parts that overlap.
+const MAX_MORE_PANELS: f32 = 1.25;
+
+/// Forms of a solid that are kept: those of the start and the end of a step.
+const RECENT: usize = 2;
+
+/// A solid in the air.
+#[derive(Debug)]
+pub(super) struct Body {
+    solid: Solid,
+    /// Shape and panels of a solid that keeps them, else those at its largest size and area.
+    largest: Arc<Form>,
+    recent: Mutex<Vec<(f64, Arc<Form>)>>,
+}
+
+/// Shape and panels of a solid at a time, in its own axes.
+#[derive(Debug)]
+pub(super) struct Form {
+    pub(super) shape: Shape,
+    pub(super) panels: Vec<Panel>,
+    /// Centre of its surface [m].
+    middle: Vec3,
+    inner_radius: f32,
+    /// Size over that of the shape as written.
+    scale: f32,
+    /// Rate of growth over its size [1/s].
+    growth: f32,
+    /// That of a mesh whose vertices move.
+    surface: Option<SurfaceVelocity>,
+}
+
+impl Form {
+    fn new(shape: Shape, scale: f32, panels: Vec<Panel>) -> Self {
+        let (middle, inner_radius) = (middle(&panels), shape.inner_radius());
+        Self { shape, panels, middle, inner_radius, scale, growth: 0.0, surface: None }
+    }
+
+    /// Velocity of the solid near `x` by its change of shape and size [m/s].
+    fn velocity(&self, x: Vec3) -> Vec3 {
+        let grown = if self.growth == 0.0 { Vec3::zeros() } else { x * self.growth };
+        self.surface.as_ref().map_or(grown, |surface| grown + surface.at(x))
+    }
+}
+
+/// A solid where it is at a time, with the shape it then has.
+pub(super) struct PlacedForm {
+    pub(super) form: Arc<Form>,
+    moving: Option<Moving>,
+}
+
+impl PlacedForm {
+    /// Where a point is in the solid's own axes [m].
+    pub(super) fn to_local(&self, x: Vec3) -> Vec3 {
+        self.moving.as_ref().map_or(x, |moving| moving.pose.to_local(x))
+    }
+
+    /// Whether a point is in it.
+    pub(super) fn contains(&self, x: Vec3) -> bool {
+        self.form.shape.signed_distance(self.to_local(x)) < 0.0
+    }
+
+    /// Whether it is a plane.
+    pub(super) fn is_plane(&self) -> bool {
+        matches!(self.form.shape, Shape::Plane { .. })
+    }
+
+    /// A direction of the solid in the world.
+    pub(super) fn turned(&self, direction: Vec3) -> Vec3 {
+        self.moving.as_ref().map_or(direction, |moving| moving.pose.rotation * direction)
+    }
+
+    /// Velocity of the solid at the point `local` of its own axes [m/s].
+    pub(super) fn velocity(&self, local: Vec3) -> Vec3 {
+        let deformed = self.form.velocity(local);
+        self.moving.as_ref().map_or(deformed, |moving| {
+            moving.velocity(local)
+                + if deformed == Vec3::zeros() { deformed } else { moving.pose.rotation * deformed }
+        })
+    }
+
+    /// `panels` of the solid, in the world.
+    pub(super) fn placed(&self, panels: &[Panel]) -> Vec<Placed> {
+        let placed = |panel: &Panel| {
+            let (velocity, arm) = (self.velocity(panel.x), self.turned(panel.x - self.form.middle));
+            let Some(Moving { pose, .. }) = &self.moving else {
+                return Placed { panel: *panel, velocity, arm };
+            };
+            let panel = Panel {
+                x: pose.to_world(panel.x),
+                normal: pose.rotation * panel.normal,
+                source: panel.source.map(|source| source.placed(pose)),
+                ..*panel
+            };
+            Placed { panel, velocity, arm }
+        };
+        panels.iter().map(placed).collect()
+    }
+}
+
+impl Body {
+    /// A solid with panels of its largest shape.
+    pub(super) fn new(solid: &Solid, panels: Vec<Panel>) -> Self {
+        let scale = largest_scale(solid);
+        let form = Form::new(largest_shape(solid).into_owned(), scale, panels);
+        Self { solid: solid.clone(), largest: Arc::new(form), recent: Mutex::default() }
+    }
+
+    /// Whether it is a plane.
+    pub(super) fn is_plane(&self) -> bool {
+        matches!(self.solid.shape, Shape::Plane { .. })
+    }
+
+    /// Whether it stands still and keeps its shape.
+    pub(super) fn is_still(&self) -> bool {
+        self.solid.motion.is_none() && !self.solid.is_deforming()
+    }
+
+    /// Whether it has a source, where it is largest.
+    pub(super) fn has_sources(&self) -> bool {
+        self.largest.panels.iter().any(|panel| panel.source.is_some())
+    }
+
+    /// Its panels where it is largest.
+    pub(super) fn largest_panels(&self) -> &[Panel] {
+        &self.largest.panels
+    }
+
+    /// Radius of the largest ball in it at `time` [s] [m].
+    pub(super) fn inner_radius(&self, time: f64) -> f32 {
+        self.form(time).inner_radius
+    }
+
+    /// Upper bound of the speed of its surface between two times [s] [m/s].
+    pub(super) fn fastest(&self, from: f64, to: f64) -> f64 {
+        // A plane does not move.
+        if self.solid.shape.reach().is_finite() { self.solid.fastest(from, to) } else { 0.0 }
+    }
+
+    /// Where it is at `time` [s], and its shape.
+    pub(super) fn at(&self, time: f64) -> PlacedForm {
+        let moving = self.solid.motion.as_ref().map(|motion| Moving::new(motion, time));
+        PlacedForm { form: self.form(time), moving }
+    }
+
+    /// Its panels at `time` [s].
+    pub(super) fn panels(&self, time: f64) -> Vec<Placed> {
+        let solid = self.at(time);
+        solid.placed(&solid.form.panels)
+    }
+
+    /// Angular velocity at `time` [1/s].
+    pub(super) fn angular_velocity(&self, time: f64) -> Vec3 {
+        let moving = self.solid.motion.as_ref().map(|motion| Moving::new(motion, time));
+        let turned = moving.as_ref().map_or(Vec3::zeros(), Moving::angular_velocity);
+        let Some(mesh) = deforming_mesh(&self.solid) else { return turned };
+        let own = angular_velocity(mesh, time, VELOCITY_TIME_STEP);
+        turned + moving.map_or(own, |moving| moving.pose.rotation * own)
+    }
+
+    /// Shape and panels at `time` [s].
+    fn form(&self, time: f64) -> Arc<Form> {
+        if !self.solid.is_deforming() {
+            return self.largest.clone();
+        }
+        let recent = || self.recent.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, form)) = recent().iter().find(|(of, _)| *of == time) {
+            return form.clone();
+        }
+        // Without the lock: a thread that waits for parts of the work may take over work that needs the lock.
+        let made = Arc::new(self.made(time));
+        let mut recent = recent();
+        if recent.len() == RECENT {
+            recent.remove(0);
+        }
+        recent.push((time, made.clone()));
+        made
+    }
+
+    /// Shape and panels of a solid that deforms, at `time` [s].
+    fn made(&self, time: f64) -> Form {
+        let shape = self.solid.shape_at(time).into_owned();
+        let scale_at = |time: f64| self.solid.motion.as_ref().map_or(1.0, |motion| motion.scale(time));
+        let scale = scale_at(time);
+        let factor = scale / self.largest.scale;
+        let surface = match &shape {
+            Shape::Mesh(mesh) => SurfaceVelocity::new(mesh, time, VELOCITY_TIME_STEP),
+            _ => None,
+        };
+        let panels = match (&surface, self.largest.panels.first()) {
+            (Some(surface), Some(widest)) => {
+                let grid = PanelGrid { step: widest.width * factor, origin: surface.middle() };
+                panels_within(&shape, grid, (self.largest.panels.len() as f32 * MAX_MORE_PANELS) as usize)
+            }
+            _ => self.largest.panels.iter().map(|panel| panel.scaled(factor)).collect(),
+        };
+        let change = scale_at(time + VELOCITY_TIME_STEP) - scale_at(time - VELOCITY_TIME_STEP);
+        let growth = change / (2.0 * VELOCITY_TIME_STEP) as f32 / scale;
+        Form { growth, surface, ..Form::new(shape, scale, panels) }
+    }
+}
+
+/// The shape of a solid at its largest size and area.
+pub(super) fn largest_shape(solid: &Solid) -> Cow<'_, Shape> {
+    let shape = match deforming_mesh(solid).and_then(MeshShape::deformation) {
+        Some(deformation) => solid.shape.at(deformation.time_of_largest_area()),
+        None => Cow::Borrowed(&solid.shape),
+    };
+    let scale = largest_scale(solid);
+    if scale == 1.0 { shape } else { Cow::Owned(shape.scaled(scale)) }
+}
+
+/// The largest size of a solid over that of its shape as written.
+fn largest_scale(solid: &Solid) -> f32 {
+    solid.motion.as_ref().filter(|motion| motion.is_scaling()).map_or(1.0, |motion| motion.scales()[1])
+}
+
+/// The mesh of a solid, if its vertices move.
+fn deforming_mesh(solid: &Solid) -> Option<&MeshShape> {
+    match &solid.shape {
+        Shape::Mesh(mesh) if mesh.deformation().is_some() => Some(mesh),
+        _ => None,
+    }
+}
+
+impl Panel {
+    /// This panel of a solid that is `scale` times as large.
+    fn scaled(&self, scale: f32) -> Self {
+        Self {
+            x: self.x * scale,
+            normal: self.normal,
+            area: self.area * scale * scale,
+            width: self.width * scale,
+            source: self.source.map(|source: Source| source.scaled(scale)),
+        }
+    }
+}
+
+/// A moving solid at a time.
+struct Moving {
+    pose: Pose,
+    /// Poses [`VELOCITY_TIME_STEP`] seconds before and after.
+    before_after: [Pose; 2],
+}
+
+impl Moving {
+    fn new(motion: &Motion, time: f64) -> Self {
+        Self {
+            pose: motion.pose(time),
+            before_after: [time - VELOCITY_TIME_STEP, time + VELOCITY_TIME_STEP]
+                .map(|time| motion.pose(time)),
+        }
+    }
+
+    /// Velocity of the solid's point `local` [m/s].
+    fn velocity(&self, local: Vec3) -> Vec3 {
+        let [before, after] = &self.before_after;
+        (after.to_world(local) - before.to_world(local)) / (2.0 * VELOCITY_TIME_STEP) as f32
+    }
+
+    /// Angular velocity [1/s]: exactly 0 for a translation.
+    fn angular_velocity(&self) -> Vec3 {
+        let [before, after] = self.before_after.map(|pose| pose.rotation);
+        let change = (after - before) / (2.0 * VELOCITY_TIME_STEP) as f32;
+        // Σ e × (Ω × e) = 2Ω of its three axes.
+        let axis = |axis: usize| self.pose.rotation.column(axis).cross(&change.column(axis)) * 0.5;
+        axis(0) + axis(1) + axis(2)
+    }
+}
+
+/// Area-weighted centre of panels [m].
+fn middle(panels: &[Panel]) -> Vec3 {
+    let area: f32 = panels.iter().map(|panel| panel.area).sum();
+    if area == 0.0 {
+        return Vec3::zeros();
+    }
+    panels.iter().map(|panel| panel.x * (panel.area / area)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::walls::{Spun, Walls};
+    use super::*;
+    use crate::solid::{Deformation, Interpolation, Keyframe, Solid};
+
+    /// Radii of an ellipsoid [m].
+    const RADII: [f32; 3] = [0.4, 0.3, 0.25];
+
+    /// A ball of radius 1, or what `placed` makes of it, at each of `times` [s].
+    fn mesh(times: &[f64], placed: impl Fn(Vec3, f64) -> Vec3) -> Solid {
+        let (mut corners, mut faces) = (Vec::new(), Vec::new());
+        let n = 12_u32;
+        for (axis, up) in (0..3).flat_map(|axis| [(axis, 1.0), (axis, -1.0_f32)]) {
+            let first = corners.len() as u32;
+            for (j, i) in (0..=n).flat_map(|j| (0..=n).map(move |i| (j, i))) {
+                let [a, b] = [i, j].map(|k| 2.0 * k as f32 / n as f32 - 1.0);
+                let x =
+                    Vec3::ith(axis, up) + Vec3::ith((axis + 1) % 3, a * up) + Vec3::ith((axis + 2) % 3, b);
+                corners.push(x.normalize());
+            }
+            for (j, i) in (0..n).flat_map(|j| (0..n).map(move |i| (j, i))) {
+                let [a, b] = [first + j * (n + 1) + i, first + (j + 1) * (n + 1) + i];
+                faces.extend([[a, a + 1, b], [a + 1, b + 1, b]]);
+            }
+        }
+        let samples = times.iter().map(|&t| corners.iter().map(|&x| placed(x, t)).collect()).collect();
+        let motion = Deformation::new(faces, samples, times.to_vec(), 48).unwrap();
+        let mut shape = MeshShape::new("made here");
+        shape.fill_deforming(Arc::new(motion));
+        Solid::fixed(Shape::Mesh(shape))
+    }
+
+    fn key(frame: u32, position: [f32; 3], angle: f32, scale: f32) -> Keyframe {
+        Keyframe { frame, position, rotation: [0.0, 0.0, angle], quaternion: None, scale }
+    }
+
+    /// The shape with a motion, one keyframe a second.
+    fn moving(solid: Solid, keys: &[Keyframe]) -> Solid {
+        Solid { motion: Motion::new(keys, Interpolation::Linear, 1.0, 0), ..solid }
+    }
+
+    /// Velocity at points of air that only solids move.
+    fn velocity(walls: &Walls, points: &[Vec3], time: f64) -> Vec<Vec3> {
+        let panels = walls.sourced(time);
+        let sources = walls.solve(&panels, &vec![Vec3::zeros(); panels.len()]);
+        assert!(sources.residual < 3e-3, "{}", sources.residual);
+        let mut velocity = vec![Vec3::zeros(); points.len()];
+        sources.add_velocity(points, &mut velocity);
+        velocity
+    }
+
+    #[test]
+    fn what_grows_pushes_the_air_away_by_its_volume() {
+        let ball = Solid::fixed(Shape::Sphere { center: [0.0; 3], radius: 0.3 });
+        let by_size = moving(ball, &[key(0, [0.0; 3], 0.0, 1.0), key(1, [0.0; 3], 0.0, 2.0)]);
+        let by_vertices = mesh(&[0.0, 0.4, 1.0], |x, t| x * (0.3 + 0.3 * t as f32));
+        let both = moving(
+            mesh(&[0.0, 1.0], |x, t| x * (0.2 + 0.02 * t as f32)),
+            &[key(0, [0.0; 3], 0.0, 1.5), key(1, [0.0; 3], 0.0, 2.4)],
+        );
+        // Radius and its rate at half a second.
+        for (solid, radius, rate) in [
+            (by_size, 0.45, 0.3),
+            (by_vertices, 0.45, 0.3),
+            (both, 0.21 * 1.95, 0.02 * 1.95 + 0.21 * 0.9_f32),
+        ] {
+            assert!(!Body::new(&solid, Vec::new()).is_still());
+            let walls = Walls::new(&[solid], 0.05).unwrap();
+            let points =
+                [[0.7, 0.0, 0.1], [0.0, -0.5, 0.2], [-0.3, 0.3, -0.3], [2.0, 1.0, -1.0]].map(Vec3::from);
+            for (x, v) in points.iter().zip(velocity(&walls, &points, 0.5)) {
+                let exact = x * (rate * radius * radius / x.norm().powi(3));
+                assert!((v - exact).norm() < 0.02 * exact.norm(), "{x}: {v} for {exact}");
+            }
+            // Inside, the air has the velocity of the surface.
+            let mut inside = [Vec3::zeros()];
+            walls.set_solid_velocity(&[Vec3::x() * (0.9 * radius)], &mut inside, 0.5);
+            assert!((inside[0].x / rate - 0.95).abs() < 0.06, "{inside:?} for {rate}");
+            assert!(walls.fastest(0.0, 1.0) >= f64::from(rate) - 1e-6);
+            assert_eq!(walls.fastest(1.0, 2.0), 0.0);
+            let mut near = [Vec3::x() * (0.9 * radius)];
+            assert_eq!(walls.project_out(&mut near, 0.01, 0.5), 1);
+            assert!((near[0].norm() - radius - 0.01).abs() < 0.006, "{near:?}");
+        }
+    }
+
+    #[test]
+    fn vertices_that_move_rigidly_move_the_air_as_keyframes_do() {
+        let ellipsoid = |x: Vec3| x.component_mul(&Vec3::from(RADII));
+        let keys = [key(0, [0.0; 3], 0.0, 1.0), key(1, [0.6, 0.2, 0.0], 60.0, 1.0)];
+        let pose = |t: f64| {
+            moving(Solid::fixed(Shape::Sphere { center: [0.0; 3], radius: 1.0 }), &keys)
+                .motion
+                .unwrap()
+                .pose(t)
+        };
+        let times: Vec<f64> = (0..=20).map(|k| 0.05 * f64::from(k)).collect();
+        let by_vertices = mesh(&times, |x, t| pose(t).to_world(ellipsoid(x)));
+        let by_keys = moving(Solid::fixed(Shape::Ellipsoid { center: [0.0; 3], radii: RADII }), &keys);
+        let [by_vertices, by_keys] = [by_vertices, by_keys].map(|solid| Walls::new(&[solid], 0.06).unwrap());
+        let around = [[0.6, 0.0, 0.1], [0.0, -0.4, 0.2], [-0.1, 0.4, -0.3], [1.0, 1.0, -1.0]].map(Vec3::from);
+        for time in [0.3, 0.525] {
+            let points = around.map(|x| x + pose(time).position);
+            let [found, expected] = [&by_vertices, &by_keys].map(|walls| velocity(walls, &points, time));
+            for (found, expected) in found.iter().zip(&expected) {
+                assert!((found - expected).norm() < 0.05 * expected.norm() + 2e-3, "{found} for {expected}");
+            }
+            let omega = 60.0_f32.to_radians();
+            for walls in [&by_vertices, &by_keys] {
+                let turning = &walls.turning(time, Spun::at(0.25), 0.0)[0];
+                for spin in [turning.spin, turning.before] {
+                    assert!((spin - Vec3::z() * omega).norm() < 0.01 * omega, "{spin}");
+                }
+                // Along the surface too: at the ends and in the middle.
+                for placed in &turning.panels {
+                    let exact = Vec3::new(0.6, 0.2, 0.0)
+                        + (Vec3::z() * omega).cross(&(placed.panel.x - pose(time).position));
+                    assert!((placed.velocity - exact).norm() < 0.02, "{} for {exact}", placed.velocity);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn panels_move_with_a_mesh_and_are_bounded() {
+        // A bar that becomes four times as long, in wind of which the panels keep out most at each length.
+        let bar = mesh(&[0.0, 1.0], |x, t| x.component_mul(&Vec3::new(0.3 + 0.9 * t as f32, 0.3, 0.3)));
+        let walls = Walls::new(&[bar], 0.02).unwrap();
+        let counts = [0.0, 0.5, 1.0].map(|time| walls.placed(time).len());
+        let limit = super::super::widths::MAX_PANELS;
+        assert!(counts[0] > 300 && counts[0] < counts[1] && counts[1] < counts[2], "{counts:?}");
+        assert!(counts[2] as f32 <= limit as f32 * MAX_MORE_PANELS, "{counts:?}");
+        // Those of a mesh that only moves keep their places on it.
+        let gliding = mesh(&[0.0, 1.0], |x, t| x * 0.4 + Vec3::new(0.7, 0.0, 0.3) * t as f32);
+        let walls = Walls::new(&[gliding], 0.08).unwrap();
+        let [first, second] = [0.0, 0.37].map(|time| walls.placed(time));
+        assert_eq!(first.len(), second.len());
+        for (a, b) in first.iter().zip(&second) {
+            let moved = b.panel.x - a.panel.x - Vec3::new(0.7, 0.0, 0.3) * 0.37;
+            assert!(moved.norm() < 0.02, "{moved}");
+        }
+    }
+}
