@@ -25,7 +25,7 @@ pub struct MeshShape {
     pub file: String,
     /// A PC2 point cache with the positions of the file's vertices over time, as Blender's Mesh Cache modifier reads it: the
     /// collider deforms. Frames are those of its header. Between its samples vertices move at constant velocity; before the first and
-    /// after the last they are at rest. Friction takes the motion along the surface's normal alone.
+    /// after the last they are at rest. Friction of liquids takes the motion along the surface's normal alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub point_cache: Option<String>,
     /// Factor from the file's unit to metres: 0.001 for millimetres. Range: above 0.

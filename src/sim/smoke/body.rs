@@ -166,7 +166,7 @@ impl Body {
         PlacedForm { form: self.form(time), moving }
     }
 
-    /// Its panels at `time` [s].
+    /// Panels of the solid at `time` [s].
     pub(super) fn panels(&self, time: f64) -> Vec<Placed> {
         let solid = self.at(time);
         solid.placed(&solid.form.panels)

@@ -7,10 +7,12 @@
 //! Limits: point sources are singular; they lie in solids, where the velocity is not needed. Source panels lie on faces or just
 //! below; next to an edge corners of those below may be in the air.
 
-use super::{point_sums, tiles::Tile};
+use super::{
+    point_sums::{self, PointSource},
+    tiles::Tile,
+};
 use crate::{
     math::Vec3,
-    par,
     sim::vortex::{Gradient, Vortons},
     solid::Pose,
 };
@@ -70,34 +72,28 @@ pub(super) struct Sources {
 impl Sources {
     /// Adds the induced velocity at `points` [m/s].
     pub(super) fn add_velocity(&self, points: &[Vec3], velocity: &mut [Vec3]) {
-        point_sums::add_velocity(&self.points_and_images(), points, velocity);
+        let point = |_: usize, _: Vec3| Vec3::zeros();
+        point_sums::add_velocity(&self.points_and_images(), points, velocity, point);
         let tiles = self.with_images();
-        if !tiles.is_empty() {
-            par::update(velocity, |i, v| {
-                for (tile, q) in &tiles {
-                    *v += tile.flow(points[i]) * *q;
-                }
-            });
-        }
+        let near = |number: usize, x: Vec3| tiles[number].0.flow(x) * tiles[number].1;
+        point_sums::add_velocity(&far(&tiles), points, velocity, near);
     }
 
     /// Adds the gradient of the induced velocity at `points` [1/s].
     pub(super) fn add_gradient(&self, points: &[Vec3], gradient: &mut [Gradient]) {
-        point_sums::add_gradient(&self.points_and_images(), points, gradient);
+        let point = |_: usize, _: Vec3| Gradient::zeros();
+        point_sums::add_gradient(&self.points_and_images(), points, gradient, point);
         let tiles = self.with_images();
-        if !tiles.is_empty() {
-            par::update(gradient, |i, gradient| {
-                for (tile, q) in &tiles {
-                    *gradient += tile.strain(points[i]) * *q;
-                }
-            });
-        }
+        let near = |number: usize, x: Vec3| tiles[number].0.strain(x) * tiles[number].1;
+        point_sums::add_gradient(&far(&tiles), points, gradient, near);
     }
 
     /// Point sources and their mirror images.
-    fn points_and_images(&self) -> Vec<(Vec3, f32)> {
-        let image = |&(y, q): &(Vec3, f32)| self.mirror.map(|mirror| (reflect(y, mirror), q));
-        self.points.iter().copied().chain(self.points.iter().filter_map(image)).collect()
+    fn points_and_images(&self) -> Vec<PointSource> {
+        let source = |at: Vec3, strength: f32| PointSource { at, strength, reach2: 0.0 };
+        let image = |&(y, q): &(Vec3, f32)| self.mirror.map(|mirror| source(reflect(y, mirror), q));
+        let points = self.points.iter().map(|&(y, q)| source(y, q));
+        points.chain(self.points.iter().filter_map(image)).collect()
     }
 
     /// Source panels and their mirror images.
@@ -108,6 +104,16 @@ impl Sources {
             .flat_map(|mirror| self.tiles.iter().map(|&(tile, q)| (mirrored(&tile, *mirror), q)));
         self.tiles.iter().copied().chain(images).collect()
     }
+}
+
+/// Source panels and their densities over 4π [m/s], as the points that they are far away.
+fn far(tiles: &[(Tile, f32)]) -> Vec<PointSource> {
+    let point = |(tile, q): &(Tile, f32)| PointSource {
+        at: tile.middle,
+        strength: tile.area() * q,
+        reach2: tile.point_distance().powi(2),
+    };
+    tiles.iter().map(point).collect()
 }
 
 /// Velocity that a point source of 4π at `y` and its mirror image induce at `x` [1/m²].

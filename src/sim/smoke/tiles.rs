@@ -58,16 +58,21 @@ impl Tile {
         self.middle + self.axes[side] * (along * self.half[side])
     }
 
-    fn area(&self) -> f32 {
+    /// Area of the panel [m²].
+    pub(super) fn area(&self) -> f32 {
         4.0 * self.half[0] * self.half[1]
+    }
+
+    /// Distance from which it counts as a point source [m].
+    pub(super) fn point_distance(&self) -> f32 {
+        2.0 * MIN_POINT_DISTANCE * self.half[0].max(self.half[1])
     }
 
     /// The offset of `x` from the centre: `Ok` where the panel counts as a point.
     #[inline]
     fn far(&self, x: Vec3) -> Result<Vec3, Vec3> {
         let d = x - self.middle;
-        let reach = 2.0 * MIN_POINT_DISTANCE * self.half[0].max(self.half[1]);
-        if d.norm_squared() > reach * reach { Ok(d) } else { Err(d) }
+        if d.norm_squared() > self.point_distance().powi(2) { Ok(d) } else { Err(d) }
     }
 
     /// Velocity that a density of 4π induces at `x` [1].
