@@ -1,10 +1,10 @@
 //! Air velocity of a shot: vortons, wind, and solids without normal flow.
 
 use super::{
-    body::PlacedForm,
+    body::{Placed, PlacedForm},
     params::SmokeParams,
     sources::Sources,
-    walls::{Placed, Spun, Turning, Walls},
+    walls::{Spun, Turning, Walls},
 };
 use crate::{
     math::Vec3,

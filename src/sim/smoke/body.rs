@@ -10,7 +10,6 @@ use super::{
     emit::VELOCITY_TIME_STEP,
     panels::{Panel, PanelGrid},
     sources::Source,
-    walls::Placed,
     widths::panels_within,
 };
 use crate::{
@@ -64,6 +63,16 @@ impl Form {
         let grown = if self.growth == 0.0 { Vec3::zeros() } else { x * self.growth };
         self.surface.as_ref().map_or(grown, |surface| grown + surface.at(x))
     }
+}
+
+/// A panel in its solid's pose at a time.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Placed {
+    pub(super) panel: Panel,
+    /// Velocity of the solid there [m/s].
+    pub(super) velocity: Vec3,
+    /// Offset from the centre of the solid's surface [m].
+    pub(super) arm: Vec3,
 }
 
 /// A solid where it is at a time, with the shape it then has.

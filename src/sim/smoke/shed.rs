@@ -14,7 +14,8 @@
 
 use super::{
     Instant, SmokeRecord, System,
-    walls::{Placed, Spun, Turning},
+    body::Placed,
+    walls::{Spun, Turning},
 };
 use crate::math::elementary::exp_m1;
 use crate::{

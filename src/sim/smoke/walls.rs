@@ -13,7 +13,7 @@
 //! Limits: panels are at least one spacing wide, and at most 1600 in all (`widths.rs`); a plane is taken to stand still.
 
 use super::{
-    body::{Body, PlacedForm, largest_shape},
+    body::{Body, Placed, PlacedForm, largest_shape},
     influence::Influence,
     mirror,
     panels::Panel,
@@ -43,16 +43,6 @@ pub(super) struct Walls {
     /// The coefficients, once they are known, of solids that stand still. [`Self::solve`] must not be called by a parallel loop, which
     /// could enter it a second time while it is computed.
     still: OnceLock<Influence>,
-}
-
-/// A panel in its solid's pose at a time.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Placed {
-    pub(super) panel: Panel,
-    /// Velocity of the solid there [m/s].
-    pub(super) velocity: Vec3,
-    /// Offset from the centre of the solid's surface [m].
-    pub(super) arm: Vec3,
 }
 
 /// Angular velocity of solids whose opposite the vortons contain: a blend of two times.
