@@ -38,6 +38,7 @@ pub fn all() -> &'static [(&'static str, &'static str)] {
         ("tipping-cup", include_str!("../../presets/tipping-cup.toml")),
         ("torus-small-hole", include_str!("../../presets/torus-small-hole.toml")),
         ("wading", include_str!("../../presets/wading.toml")),
+        ("walk-through-smoke", include_str!("../../presets/walk-through-smoke.toml")),
         ("water-drop", include_str!("../../presets/water-drop.toml")),
         ("water-on-cloth", include_str!("../../presets/water-on-cloth.toml")),
         ("waterfall", include_str!("../../presets/waterfall.toml")),
