@@ -7,7 +7,7 @@
 pub const STATE_VERSION: u32 = 22;
 
 /// The same of smoke, whose changes leave shots without smoke alone.
-const SMOKE_STATE_VERSION: u32 = 3;
+const SMOKE_STATE_VERSION: u32 = 4;
 
 mod clock;
 pub mod coupling;

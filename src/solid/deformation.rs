@@ -102,8 +102,6 @@ pub(crate) enum DeformationError {
 #[derive(Debug)]
 pub(crate) struct Deformation {
     triangles: Vec<[u32; 3]>,
-    /// The connected component that each vertex belongs to, as one of its vertices.
-    components: Vec<u32>,
     /// Positions of the vertices in each sample, and the box around each.
     samples: Vec<Vec<Vec3>>,
     boxes: Vec<(Vec3, Vec3)>,
@@ -216,8 +214,7 @@ impl Deformation {
         keys.push(Key { time: times[last], sample: last, part: 0.0 });
         let origin = boxes[0].0;
         let recent = Mutex::default();
-        let made =
-            Self { triangles, components, samples, boxes, times, displacements, keys, voxel, origin, recent };
+        let made = Self { triangles, samples, boxes, times, displacements, keys, voxel, origin, recent };
         // Counted as floating-point numbers before any memory is taken.
         let side = f64::from(resolution) + 2.0 * f64::from(MARGIN_NODES) + 2.0 * f64::from(ALIGNMENT);
         let limit = (MAX_CUBES * side.powi(3)).min(MAX_NODES).max(side.powi(3));
@@ -240,18 +237,13 @@ impl Deformation {
         &self.triangles
     }
 
-    /// The connected component that each vertex belongs to, as one of its vertices.
-    pub(crate) fn components(&self) -> &[u32] {
-        &self.components
-    }
-
-    /// Velocities of the vertices [1/s]: the mean over so many seconds `around` before `time` and after.
-    pub(crate) fn velocities(&self, time: f64, around: f64) -> Vec<Vec3> {
+    /// Velocities of the vertices [1/s]: the mean over a `half_interval` [s] before `time` and after.
+    pub(crate) fn velocities(&self, time: f64, half_interval: f64) -> Vec<Vec3> {
         let mut velocities = vec![Vec3::zeros(); self.vertices()];
         for (times, samples) in self.times.windows(2).zip(self.samples.windows(2)) {
-            let common = (time + around).min(times[1]) - (time - around).max(times[0]);
+            let common = (time + half_interval).min(times[1]) - (time - half_interval).max(times[0]);
             if common > 0.0 {
-                let factor = (common / (2.0 * around * (times[1] - times[0]))) as f32;
+                let factor = (common / (2.0 * half_interval * (times[1] - times[0]))) as f32;
                 let moved = samples[0].iter().zip(&samples[1]).map(|(a, b)| (b - a) * factor);
                 velocities.iter_mut().zip(moved).for_each(|(v, by)| *v += by);
             }
@@ -340,8 +332,8 @@ impl Deformation {
 
     /// Memory of its vertices and keys [bytes].
     pub(crate) fn memory(&self) -> f64 {
-        let [vertex, component, key] = [size_of::<Vec3>(), size_of::<u32>(), size_of::<Key>()];
-        ((vertex * self.samples.len() + component) * self.vertices() + key * self.keys.len()) as f64
+        let (vertex, key) = (size_of::<Vec3>() as f64, size_of::<Key>() as f64);
+        vertex * (self.samples.len() * self.vertices()) as f64 + key * self.keys.len() as f64
     }
 
     /// The grid of a key's field.

@@ -188,7 +188,7 @@ impl MeshShape {
     }
 
     /// Rotation and translation of the file's mesh, after its scale.
-    fn pose(&self) -> Pose {
+    pub(super) fn pose(&self) -> Pose {
         let angles = self.rotate.map(|angle| f64::from(angle).to_radians());
         let rotation = from_euler_angles(angles.into()).to_rotation_matrix().matrix().cast();
         let rotation = match self.up {
@@ -203,16 +203,6 @@ impl MeshShape {
     pub(crate) fn place(&self, positions: &[Vec3]) -> Vec<Vec3> {
         let pose = self.pose();
         positions.iter().map(|x| pose.to_world(x * self.scale)).collect()
-    }
-
-    /// A point in the file's units and axes.
-    pub(super) fn to_file(&self, x: Vec3) -> Vec3 {
-        self.pose().to_local(x) / self.scale
-    }
-
-    /// A direction of the file in the axes of the shape.
-    pub(super) fn turned(&self, direction: Vec3) -> Vec3 {
-        self.pose().rotation * direction
     }
 
     /// # Panics

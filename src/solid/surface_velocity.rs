@@ -1,22 +1,23 @@
 //! How the surface of a mesh that deforms moves at a time: along its normal, and in itself.
 //!
-//! *Method*: a point of the surface moves as the nearest point of the triangles, between whose corners velocities are interpolated. The
-//! angular velocity of such a solid is half of the mean vorticity inside, by Gauss' theorem W/V = ∮ n × v dA / V; of a rigid
-//! rotation that is exactly its Ω = W/2V.
+//! *Method*: a point of the surface moves as the nearest point of the triangles, between whose corners velocities are interpolated. Its
+//! angular velocity is that of the nearest rigid motion: Ω = I⁻¹ L of its area, least squares. No orientation or hole of the mesh matters.
 //!
-//! Limits: parts that overlap count each with their own volume.
+//! Symbols: L → `momentum`, Σ A r × v [m⁴/s]; I → `inertia`, Σ A (r² − r rᵀ) [m⁴]; r from the centre of the area.
 
-use super::{Deformation, MeshShape};
+use super::{Deformation, MeshShape, Pose};
 use crate::{
     math::Vec3,
-    sdf::{TriangleBvh, Triangles, closest_point, volume_below},
+    sdf::{TriangleBvh, Triangles, closest_point},
 };
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 /// Velocity of the surface of a mesh at a time, in the axes of its collider.
 #[derive(Debug)]
 pub(crate) struct SurfaceVelocity {
-    shape: MeshShape,
+    /// From the file's axes, after its scale.
+    pose: Pose,
+    scale: f32,
     mesh: Triangles,
     bvh: TriangleBvh,
     /// Of the vertices, in the file's units and axes [1/s].
@@ -24,57 +25,57 @@ pub(crate) struct SurfaceVelocity {
 }
 
 impl SurfaceVelocity {
-    /// That of `shape` at `time` [s], as the mean over so many seconds before and after; `None` if it does not deform.
-    pub(crate) fn new(shape: &MeshShape, time: f64, around: f64) -> Option<Self> {
+    /// Velocities of `shape` at `time` [s], as the mean over a `half_interval` [s] before and after; `None` if it does not deform.
+    pub(crate) fn new(shape: &MeshShape, time: f64, half_interval: f64) -> Option<Self> {
         let deformation = shape.deformation()?;
         let mesh = mesh_at(deformation, time);
-        let (bvh, velocity) = (TriangleBvh::new(&mesh), deformation.velocities(time, around));
-        Some(Self { shape: shape.clone(), mesh, bvh, velocity })
+        let (bvh, velocity) = (TriangleBvh::new(&mesh), deformation.velocities(time, half_interval));
+        Some(Self { pose: shape.pose(), scale: shape.scale, mesh, bvh, velocity })
     }
 
     /// Velocity of the surface nearest to `x` [m/s].
     pub(crate) fn at(&self, x: Vec3) -> Vec3 {
-        let local = self.shape.to_file(x);
+        let local = self.pose.to_local(x) / self.scale;
         let Some(nearest) = self.bvh.nearest(local, f32::INFINITY) else { return Vec3::zeros() };
         let corners = self.mesh.corners(nearest.triangle as usize);
-        let weights = weights(&corners, closest_point(&corners, local));
+        let weights = barycentric(&corners, closest_point(&corners, local));
         let of = self.mesh.triangles[nearest.triangle as usize].map(|corner| self.velocity[corner as usize]);
-        self.shape.turned(of[0] * weights[0] + of[1] * weights[1] + of[2] * weights[2]) * self.shape.scale
+        self.pose.rotation * (of[0] * weights[0] + of[1] * weights[1] + of[2] * weights[2]) * self.scale
     }
 
     /// Mean position of the vertices [m].
     pub(crate) fn middle(&self) -> Vec3 {
         let sum: Vector3<f64> = self.mesh.positions.iter().map(|x| x.cast::<f64>()).sum();
-        self.shape.place(&[(sum / self.mesh.positions.len() as f64).cast()])[0]
+        self.pose.to_world((sum / self.mesh.positions.len() as f64).cast() * self.scale)
     }
 }
 
-/// Angular velocity of `shape` at `time` [1/s] by the motion of its vertices, as the mean over so many seconds before and after.
-pub(crate) fn angular_velocity(shape: &MeshShape, time: f64, around: f64) -> Vec3 {
+/// Angular velocity of `shape` at `time` [1/s] by the motion of its vertices, as the mean over a `half_interval` [s] before and after.
+pub(crate) fn angular_velocity(shape: &MeshShape, time: f64, half_interval: f64) -> Vec3 {
     let Some(deformation) = shape.deformation() else { return Vec3::zeros() };
-    let velocity = deformation.velocities(time, around);
+    let velocity = deformation.velocities(time, half_interval);
     if velocity.iter().all(|v| *v == Vec3::zeros()) {
         return Vec3::zeros();
     }
-    let (mesh, components) = (mesh_at(deformation, time), deformation.components());
-    // W and V of each connected component, which may be seen from inside.
-    let mut sums = vec![(Vector3::<f64>::zeros(), 0.0); mesh.positions.len()];
-    let origin = mesh.positions[0];
-    // Of a closed surface ∮ n × v dA = 0 for a constant v; a hole should not make a translation turn.
-    let mean = velocity.iter().map(|v| v.cast::<f64>()).sum::<Vector3<f64>>() / velocity.len() as f64;
+    let mesh = mesh_at(deformation, time);
+    let mut faces = Vec::with_capacity(mesh.triangles.len());
+    let (mut area, mut middle, mut mean) = (0.0, Vector3::zeros(), Vector3::zeros());
     for (number, triangle) in mesh.triangles.iter().enumerate() {
-        let corners = mesh.corners(number);
-        let [a, b, c] = corners.map(|x| x.cast::<f64>());
-        let [u, v, w] = triangle.map(|corner| velocity[corner as usize].cast::<f64>() - mean);
-        let (vorticity, volume) = &mut sums[components[triangle[0] as usize] as usize];
-        *vorticity += (b - a).cross(&(c - a)).cross(&(u + v + w)) / 6.0;
-        *volume += volume_below(corners, origin);
+        let [a, b, c] = mesh.corners(number).map(|x| x.cast::<f64>());
+        let [u, v, w] = triangle.map(|corner| velocity[corner as usize].cast::<f64>());
+        let (own, x, v) = ((b - a).cross(&(c - a)).norm(), (a + b + c) / 3.0, (u + v + w) / 3.0);
+        (area, middle, mean) = (area + own, middle + x * own, mean + v * own);
+        faces.push((own, x, v));
     }
-    let (vorticity, volume) =
-        sums.iter().fold((Vector3::zeros(), 0.0), |(all, whole), (vorticity, volume)| {
-            (all + vorticity * volume.signum(), whole + volume.abs())
-        });
-    if volume > 0.0 { shape.turned((vorticity / (2.0 * volume)).cast()) } else { Vec3::zeros() }
+    let (middle, mean) = (middle / area, mean / area);
+    let (mut momentum, mut inertia) = (Vector3::<f64>::zeros(), Matrix3::<f64>::zeros());
+    for (area, x, v) in faces {
+        let (r, v) = (x - middle, v - mean);
+        momentum += r.cross(&v) * area;
+        inertia += (Matrix3::identity() * r.norm_squared() - r * r.transpose()) * area;
+    }
+    let omega = inertia.try_inverse().map_or(Vector3::zeros(), |inverse| inverse * momentum);
+    shape.pose().rotation * omega.cast()
 }
 
 /// The mesh at a time, in the file's units and axes.
@@ -83,15 +84,16 @@ fn mesh_at(deformation: &Deformation, time: f64) -> Triangles {
 }
 
 /// Barycentric coordinates of a point of a triangle; of one without area, of its nearest corner.
-fn weights(&[a, b, c]: &[Vec3; 3], x: Vec3) -> [f32; 3] {
+fn barycentric(&[a, b, c]: &[Vec3; 3], x: Vec3) -> [f32; 3] {
     let (u, v, d) = (b - a, c - a, x - a);
     let normal = u.cross(&v);
     let square = normal.norm_squared();
     let second = d.cross(&v).dot(&normal) / square;
     let third = u.cross(&d).dot(&normal) / square;
     if second.is_finite() && third.is_finite() {
-        let [second, third] = [second.clamp(0.0, 1.0), third.clamp(0.0, 1.0)];
-        return [(1.0 - second - third).max(0.0), second, third];
+        let second = second.clamp(0.0, 1.0);
+        let third = third.clamp(0.0, 1.0 - second);
+        return [1.0 - second - third, second, third];
     }
     let distances = [a, b, c].map(|corner| (x - corner).norm_squared());
     let nearest =
@@ -146,6 +148,9 @@ mod tests {
         }
         let glide = |x: Vec3| x + Vec3::new(0.03, 0.02, 0.01);
         assert!(angular_velocity(&boxes(true, true, glide), 0.05, 1e-3).norm() < 1e-5);
+        assert!((angular_velocity(&boxes(true, true, turn), 0.05, 1e-3) - omega).norm() < 1e-4);
+        // Growth is no turn.
+        assert!(angular_velocity(&boxes(false, false, |x| x * 1.1), 0.05, 1e-3).norm() < 1e-5);
         assert_eq!(angular_velocity(&MeshShape::new("rigid.ply"), 0.0, 1e-3), Vec3::zeros());
         assert!(SurfaceVelocity::new(&MeshShape::new("rigid.ply"), 0.0, 1e-3).is_none());
     }
@@ -154,8 +159,11 @@ mod tests {
     fn weights_are_those_of_the_point() {
         let corners = [Vec3::zeros(), Vec3::x() * 2.0, Vec3::y()];
         let x = Vec3::new(0.5, 0.25, 0.0);
-        let [a, b, c] = weights(&corners, x);
+        let [a, b, c] = barycentric(&corners, x);
         assert!((a - 0.5).abs() < 1e-6 && (b - 0.25).abs() < 1e-6 && (c - 0.25).abs() < 1e-6);
-        assert_eq!(weights(&[Vec3::zeros(), Vec3::x(), Vec3::x() * 2.0], Vec3::x() * 1.8), [0.0, 0.0, 1.0]);
+        assert_eq!(
+            barycentric(&[Vec3::zeros(), Vec3::x(), Vec3::x() * 2.0], Vec3::x() * 1.8),
+            [0.0, 0.0, 1.0]
+        );
     }
 }

@@ -47,11 +47,10 @@ def flown(speed):
     return ball(0.1, f"keyframes = [{keys}]")
 
 
-def growing(speed, radius):
-    """A ball on the axis of the ring whose surface moves outwards so fast [m/s], for eight frames."""
-    scale = max((radius + speed * 8 / 24) / radius, 1e-3)
+def resized(radius, scale, frames):
+    """A ball on the axis of the ring that is `scale` times as large after so many frames."""
     place = "position = [0, 0, 0.3]"
-    return ball(radius, f"keyframes = [{{ frame = 1, {place} }}, {{ frame = 9, {place}, scale = {scale} }}]")
+    return ball(radius, f"keyframes = [{{ frame = 1, {place} }}, {{ frame = {1 + frames}, {place}, scale = {scale} }}]")
 
 
 # (heading, unit, values, how a value changes the shot)
@@ -87,10 +86,10 @@ SWEEPS = [
     ("Radius of a ball around an emitter of a radius of 0.1 m", "m", [0.05, 0.1, 0.4],
      lambda value: {"bodies": EMITTER, "collider": ball(value)}),
     ("Speed of a ball that flies through a ring", "m/s", [1, 10, 100], lambda value: {"collider": flown(value)}),
-    ("Speed of the surface of a ball of 0.05 m that grows", "m/s", [0.1, 1, 10, 100],
-     lambda value: {"collider": growing(value, 0.05)}),
-    ("Speed of the surface of a ball of 0.25 m that shrinks", "m/s", [0.1, 0.5, 10],
-     lambda value: {"collider": growing(-value, 0.25)}),
+    ("Speed of the surface of a ball of 0.05 m that grows for eight frames", "m/s", [0.1, 1, 10, 100],
+     lambda value: {"collider": resized(0.05, 1 + value * 8 / 24 / 0.05, 8)}),
+    ("Frames in which a ball of 0.25 m shrinks to a thousandth (one: 6 m/s)", "", [24, 8, 1],
+     lambda value: {"collider": resized(0.25, 1e-3, value)}),
 ]
 
 

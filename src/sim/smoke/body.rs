@@ -4,11 +4,13 @@
 //! size, made smaller. A mesh whose vertices move has new panels at each time, of the width that its largest area allows; their grid
 //! moves with the mean of its vertices. Panels move as the surface does, along it too.
 //!
-//! Limits: panels of a mesh that turns or bends by its vertices change from step to step, and with them what leaks between them.
+//! Limits: panels of a mesh that turns or bends by its vertices change from stage to stage of a step, and with them what leaks between them.
+//! Where such a mesh gets too thin for sources it lets the air through, which the frame's leakage shows.
 
 use super::{
     emit::VELOCITY_TIME_STEP,
-    panels::{Panel, PanelGrid},
+    mirror,
+    panels::{Panel, PanelGrid, SourceKind},
     sources::Source,
     widths::panels_within,
 };
@@ -21,19 +23,51 @@ use std::{
     sync::{Arc, Mutex, PoisonError},
 };
 
-/// Most panels of a mesh that deforms, over those at its largest area, which is found without counting parts that overlap.
-const MAX_MORE_PANELS: f32 = 1.25;
+/// Most panels of a mesh whose vertices move, over those at its largest area: their number depends on how the surface lies in the grid.
+const MAX_PANEL_RATIO: f32 = 1.25;
 
-/// Forms of a solid that are kept: those of the start and the end of a step.
-const RECENT: usize = 2;
+/// And so many more, for meshes of a few panels.
+const MORE_PANELS: usize = 8;
+
+/// Times of which results are kept: the three stages of a step, and its end.
+const RECENT: usize = 4;
 
 /// A solid in the air.
 #[derive(Debug)]
 pub(super) struct Body {
     solid: Solid,
-    /// Shape and panels of a solid that keeps them, else those at its largest size and area.
-    largest: Arc<Form>,
-    recent: Mutex<Vec<(f64, Arc<Form>)>>,
+    /// Shape and panels of a solid that keeps them.
+    kept: Option<Arc<Form>>,
+    /// Panels at its largest size and area.
+    largest: Vec<Panel>,
+    forms: Recent<Arc<Form>>,
+    angular_velocities: Recent<Vec3>,
+}
+
+/// Results of the times that were asked for last.
+#[derive(Debug)]
+struct Recent<T>(Mutex<Vec<(f64, T)>>);
+
+impl<T: Clone> Recent<T> {
+    fn new() -> Self {
+        Self(Mutex::new(Vec::with_capacity(RECENT)))
+    }
+
+    /// The result of `time` [s].
+    fn get(&self, time: f64, make: impl FnOnce() -> T) -> T {
+        let recent = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, found)) = recent().iter().find(|(of, _)| *of == time) {
+            return found.clone();
+        }
+        // Without the lock: a thread that waits for parts of the work may take over work that needs the lock.
+        let made = make();
+        let mut recent = recent();
+        if recent.len() == RECENT {
+            recent.remove(0);
+        }
+        recent.push((time, made.clone()));
+        made
+    }
 }
 
 /// Shape and panels of a solid at a time, in its own axes.
@@ -44,24 +78,29 @@ pub(super) struct Form {
     /// Centre of its surface [m].
     middle: Vec3,
     inner_radius: f32,
-    /// Size over that of the shape as written.
-    scale: f32,
+    /// How it changes.
+    change: Option<Change>,
+}
+
+/// Change of a solid's shape and size at a time.
+#[derive(Debug)]
+struct Change {
     /// Rate of growth over its size [1/s].
     growth: f32,
-    /// That of a mesh whose vertices move.
+    /// Velocity of the surface of a mesh whose vertices move.
     surface: Option<SurfaceVelocity>,
 }
 
 impl Form {
-    fn new(shape: Shape, scale: f32, panels: Vec<Panel>) -> Self {
+    fn new(shape: Shape, panels: Vec<Panel>, change: Option<Change>) -> Self {
         let (middle, inner_radius) = (middle(&panels), shape.inner_radius());
-        Self { shape, panels, middle, inner_radius, scale, growth: 0.0, surface: None }
+        Self { shape, panels, middle, inner_radius, change }
     }
 
     /// Velocity of the solid near `x` by its change of shape and size [m/s].
-    fn velocity(&self, x: Vec3) -> Vec3 {
-        let grown = if self.growth == 0.0 { Vec3::zeros() } else { x * self.growth };
-        self.surface.as_ref().map_or(grown, |surface| grown + surface.at(x))
+    fn velocity(&self, x: Vec3) -> Option<Vec3> {
+        let Change { growth, surface } = self.change.as_ref()?;
+        Some(surface.as_ref().map_or(Vec3::zeros(), |surface| surface.at(x)) + x * *growth)
     }
 }
 
@@ -104,38 +143,43 @@ impl PlacedForm {
 
     /// Velocity of the solid at the point `local` of its own axes [m/s].
     pub(super) fn velocity(&self, local: Vec3) -> Vec3 {
-        let deformed = self.form.velocity(local);
-        self.moving.as_ref().map_or(deformed, |moving| {
-            moving.velocity(local)
-                + if deformed == Vec3::zeros() { deformed } else { moving.pose.rotation * deformed }
+        let moved = self.moving.as_ref().map_or(Vec3::zeros(), |moving| moving.velocity(local));
+        self.form.velocity(local).map_or(moved, |deformed| moved + self.turned(deformed))
+    }
+
+    /// A panel of the solid, in the world.
+    fn placed_panel(&self, panel: &Panel) -> Panel {
+        self.moving.as_ref().map_or(*panel, |Moving { pose, .. }| Panel {
+            x: pose.to_world(panel.x),
+            normal: pose.rotation * panel.normal,
+            source: panel.source.map(|source| source.placed(pose)),
+            ..*panel
         })
     }
 
     /// `panels` of the solid, in the world.
     pub(super) fn placed(&self, panels: &[Panel]) -> Vec<Placed> {
-        let placed = |panel: &Panel| {
-            let (velocity, arm) = (self.velocity(panel.x), self.turned(panel.x - self.form.middle));
-            let Some(Moving { pose, .. }) = &self.moving else {
-                return Placed { panel: *panel, velocity, arm };
-            };
-            let panel = Panel {
-                x: pose.to_world(panel.x),
-                normal: pose.rotation * panel.normal,
-                source: panel.source.map(|source| source.placed(pose)),
-                ..*panel
-            };
-            Placed { panel, velocity, arm }
+        let placed = |panel: &Panel| Placed {
+            panel: self.placed_panel(panel),
+            velocity: self.velocity(panel.x),
+            arm: self.turned(panel.x - self.form.middle),
         };
         panels.iter().map(placed).collect()
+    }
+
+    /// Whether one of its panels has a source in the air.
+    pub(super) fn has_source_in_air(&self, mirror: Option<(Vec3, f32)>) -> bool {
+        let in_air = |panel: &Panel| mirror::source_in_air(&self.placed_panel(panel), mirror).is_some();
+        self.form.panels.iter().any(in_air)
     }
 }
 
 impl Body {
-    /// A solid with panels of its largest shape.
-    pub(super) fn new(solid: &Solid, panels: Vec<Panel>) -> Self {
-        let scale = largest_scale(solid);
-        let form = Form::new(largest_shape(solid).into_owned(), scale, panels);
-        Self { solid: solid.clone(), largest: Arc::new(form), recent: Mutex::default() }
+    /// A solid with the panels of its [`largest_shape`].
+    pub(super) fn new(solid: &Solid, shape: &Shape, panels: Vec<Panel>) -> Self {
+        let kept = (!changes_shape(solid)).then(|| Arc::new(Form::new(shape.clone(), panels.clone(), None)));
+        let (forms, angular_velocities) = (Recent::new(), Recent::new());
+        Self { solid: solid.clone(), kept, largest: panels, forms, angular_velocities }
     }
 
     /// Whether it is a plane.
@@ -145,22 +189,30 @@ impl Body {
 
     /// Whether it stands still and keeps its shape.
     pub(super) fn is_still(&self) -> bool {
-        self.solid.motion.is_none() && !self.solid.is_deforming()
+        self.solid.motion.is_none() && self.kept.is_some()
     }
 
-    /// Whether it has a source, where it is largest.
-    pub(super) fn has_sources(&self) -> bool {
-        self.largest.panels.iter().any(|panel| panel.source.is_some())
+    /// Whether its shape or size changes.
+    pub(super) fn is_deforming(&self) -> bool {
+        self.kept.is_none()
+    }
+
+    /// Whether it has a source where it is largest, or may have one at other times.
+    pub(super) fn may_have_sources(&self) -> bool {
+        let may_come = deforming_mesh(&self.solid).is_some() && !self.largest.is_empty();
+        may_come || self.largest.iter().any(|panel| panel.source.is_some())
     }
 
     /// Its panels where it is largest.
     pub(super) fn largest_panels(&self) -> &[Panel] {
-        &self.largest.panels
+        &self.largest
     }
 
-    /// Radius of the largest ball in it at `time` [s] [m].
-    pub(super) fn inner_radius(&self, time: f64) -> f32 {
-        self.form(time).inner_radius
+    /// Width of its panels at `time` [s] [m], and, if it moves, the radius of the largest ball in it.
+    pub(super) fn lengths(&self, time: f64) -> impl Iterator<Item = f32> + use<> {
+        let form = self.form(time);
+        let radius = (!self.is_still()).then_some(form.inner_radius);
+        radius.into_iter().chain(form.panels.first().map(|panel| panel.width))
     }
 
     /// Upper bound of the speed of its surface between two times [s] [m/s].
@@ -186,49 +238,40 @@ impl Body {
         let moving = self.solid.motion.as_ref().map(|motion| Moving::new(motion, time));
         let turned = moving.as_ref().map_or(Vec3::zeros(), Moving::angular_velocity);
         let Some(mesh) = deforming_mesh(&self.solid) else { return turned };
-        let own = angular_velocity(mesh, time, VELOCITY_TIME_STEP);
+        let own = self.angular_velocities.get(time, || angular_velocity(mesh, time, VELOCITY_TIME_STEP));
         turned + moving.map_or(own, |moving| moving.pose.rotation * own)
     }
 
     /// Shape and panels at `time` [s].
     fn form(&self, time: f64) -> Arc<Form> {
-        if !self.solid.is_deforming() {
-            return self.largest.clone();
+        match &self.kept {
+            Some(form) => form.clone(),
+            None => self.forms.get(time, || Arc::new(self.changed_form(time))),
         }
-        let recent = || self.recent.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, form)) = recent().iter().find(|(of, _)| *of == time) {
-            return form.clone();
-        }
-        // Without the lock: a thread that waits for parts of the work may take over work that needs the lock.
-        let made = Arc::new(self.made(time));
-        let mut recent = recent();
-        if recent.len() == RECENT {
-            recent.remove(0);
-        }
-        recent.push((time, made.clone()));
-        made
     }
 
     /// Shape and panels of a solid that deforms, at `time` [s].
-    fn made(&self, time: f64) -> Form {
+    fn changed_form(&self, time: f64) -> Form {
         let shape = self.solid.shape_at(time).into_owned();
         let scale_at = |time: f64| self.solid.motion.as_ref().map_or(1.0, |motion| motion.scale(time));
         let scale = scale_at(time);
-        let factor = scale / self.largest.scale;
+        let factor = scale / largest_scale(&self.solid);
         let surface = match &shape {
             Shape::Mesh(mesh) => SurfaceVelocity::new(mesh, time, VELOCITY_TIME_STEP),
             _ => None,
         };
-        let panels = match (&surface, self.largest.panels.first()) {
+        let panels = match (&surface, self.largest.first()) {
             (Some(surface), Some(widest)) => {
                 let grid = PanelGrid { step: widest.width * factor, origin: surface.middle() };
-                panels_within(&shape, grid, (self.largest.panels.len() as f32 * MAX_MORE_PANELS) as usize)
+                let limit = (self.largest.len() as f32 * MAX_PANEL_RATIO) as usize + MORE_PANELS;
+                // One kind at all times: sources that change from one to the other would move the air.
+                panels_within(&shape, grid, SourceKind::of(&self.largest), limit)
             }
-            _ => self.largest.panels.iter().map(|panel| panel.scaled(factor)).collect(),
+            _ => self.largest.iter().map(|panel| panel.scaled(factor)).collect(),
         };
         let change = scale_at(time + VELOCITY_TIME_STEP) - scale_at(time - VELOCITY_TIME_STEP);
         let growth = change / (2.0 * VELOCITY_TIME_STEP) as f32 / scale;
-        Form { growth, surface, ..Form::new(shape, scale, panels) }
+        Form::new(shape, panels, Some(Change { growth, surface }))
     }
 }
 
@@ -244,7 +287,13 @@ pub(super) fn largest_shape(solid: &Solid) -> Cow<'_, Shape> {
 
 /// The largest size of a solid over that of its shape as written.
 fn largest_scale(solid: &Solid) -> f32 {
-    solid.motion.as_ref().filter(|motion| motion.is_scaling()).map_or(1.0, |motion| motion.scales()[1])
+    solid.scales()[1]
+}
+
+/// Whether the shape or the size of a solid changes.
+fn changes_shape(solid: &Solid) -> bool {
+    let [smallest, largest] = solid.scales();
+    solid.shape.is_deforming() || smallest != largest
 }
 
 /// The mesh of a solid, if its vertices move.
@@ -376,7 +425,7 @@ mod tests {
             (by_vertices, 0.45, 0.3),
             (both, 0.21 * 1.95, 0.02 * 1.95 + 0.21 * 0.9_f32),
         ] {
-            assert!(!Body::new(&solid, Vec::new()).is_still());
+            assert!(!Body::new(&solid, &solid.shape, Vec::new()).is_still());
             let walls = Walls::new(&[solid], 0.05).unwrap();
             let points =
                 [[0.7, 0.0, 0.1], [0.0, -0.5, 0.2], [-0.3, 0.3, -0.3], [2.0, 1.0, -1.0]].map(Vec3::from);
@@ -434,6 +483,45 @@ mod tests {
     }
 
     #[test]
+    fn sources_may_come_where_the_largest_shape_has_none() {
+        // A ball that becomes a plate too thin for sources, and its growth along one axis before.
+        let plate = || {
+            mesh(&[0.0, 0.5, 1.0], |x, t| match t {
+                0.0 => x * 0.2,
+                0.5 => x.component_mul(&Vec3::new(0.3, 0.2, 0.2)),
+                _ => x.component_mul(&Vec3::new(0.8, 0.8, 0.03)),
+            })
+        };
+        let points = [[0.6, 0.1, 0.0], [-0.1, 0.5, 0.2]].map(Vec3::from);
+        let walls = Walls::new(&[plate()], 0.08).unwrap();
+        assert!(walls.sourced(1.0).is_empty() && !walls.turning(0.1, Spun::at(0.0), 0.0).is_empty());
+        velocity(&walls, &points, 0.1);
+        let found = velocity(&walls, &points, 0.4);
+        assert_eq!(found, velocity(&Walls::new(&[plate()], 0.08).unwrap(), &points, 0.4));
+        assert!(found[0].x > 0.008, "{found:?}");
+        // The largest shape has none for good where it only changes its size.
+        let ball = Solid::fixed(Shape::Sphere { center: [0.0; 3], radius: 0.01 });
+        let small = moving(ball, &[key(0, [0.0; 3], 0.0, 1.0), key(1, [0.0; 3], 0.0, 2.0)]);
+        let walls = Walls::new(&[small], 0.08).unwrap();
+        assert!(walls.sourced(0.5).is_empty() && walls.sourceless() == [0]);
+    }
+
+    #[test]
+    fn one_size_at_all_times_is_no_change() {
+        let ball = Solid::fixed(Shape::Sphere { center: [0.1, 0.0, 0.0], radius: 0.2 });
+        let twice = moving(ball, &[key(0, [0.0; 3], 0.0, 2.0), key(1, [1.0, 0.0, 0.0], 0.0, 2.0)]);
+        let by_hand = moving(
+            Solid::fixed(Shape::Sphere { center: [0.2, 0.0, 0.0], radius: 0.4 }),
+            &[key(0, [0.0; 3], 0.0, 1.0), key(1, [1.0, 0.0, 0.0], 0.0, 1.0)],
+        );
+        let [twice, by_hand] = [twice, by_hand].map(|solid| Walls::new(&[solid], 0.1).unwrap());
+        assert!(!twice.is_deforming(0));
+        for (a, b) in twice.placed(0.5).iter().zip(&by_hand.placed(0.5)) {
+            assert_eq!((a.panel.x, a.velocity, a.arm), (b.panel.x, b.velocity, b.arm));
+        }
+    }
+
+    #[test]
     fn panels_move_with_a_mesh_and_are_bounded() {
         // A bar that becomes four times as long, in wind of which the panels keep out most at each length.
         let bar = mesh(&[0.0, 1.0], |x, t| x.component_mul(&Vec3::new(0.3 + 0.9 * t as f32, 0.3, 0.3)));
@@ -441,7 +529,7 @@ mod tests {
         let counts = [0.0, 0.5, 1.0].map(|time| walls.placed(time).len());
         let limit = super::super::widths::MAX_PANELS;
         assert!(counts[0] > 300 && counts[0] < counts[1] && counts[1] < counts[2], "{counts:?}");
-        assert!(counts[2] as f32 <= limit as f32 * MAX_MORE_PANELS, "{counts:?}");
+        assert!(counts[2] as f32 <= limit as f32 * MAX_PANEL_RATIO, "{counts:?}");
         // Those of a mesh that only moves keep their places on it.
         let gliding = mesh(&[0.0, 1.0], |x, t| x * 0.4 + Vec3::new(0.7, 0.0, 0.3) * t as f32);
         let walls = Walls::new(&[gliding], 0.08).unwrap();

@@ -299,12 +299,12 @@ impl System {
 
 /// What a point is in. Beyond a plane are mirror images.
 fn medium(solids: &[PlacedForm], x: Vec3) -> Medium {
-    let holding = || solids.iter().filter(|solid| solid.contains(x));
-    if holding().any(|solid| !solid.is_plane()) {
-        Medium::Solid
-    } else if holding().next().is_some() {
-        Medium::Mirror
-    } else {
-        Medium::Air
+    let mut medium = Medium::Air;
+    for solid in solids.iter().filter(|solid| solid.contains(x)) {
+        if !solid.is_plane() {
+            return Medium::Solid;
+        }
+        medium = Medium::Mirror;
     }
+    medium
 }

@@ -53,8 +53,8 @@ const MIN_LOCAL_THICKNESS: f32 = 4.0;
 /// step a tenth more than with this.
 const MERGE_DISTANCE: f32 = 0.4;
 
-/// Largest coupling of two square source panels, the product of what each induces at the other over that of what they induce at themselves:
-/// at 1 their equations are the same.
+/// Largest coupling of two square source panels at most a step apart, the product of what each induces at the other over that of what they
+/// induce at themselves: near 1 their equations are nearly the same.
 const MAX_COUPLING: f32 = 0.8;
 
 /// Smallest inner radius of a solid with sources [steps]. In thinner ones the grid's position decides on which side panels lie, and
@@ -165,11 +165,30 @@ pub(super) fn panels(shape: &Shape, step: f32) -> Vec<Panel> {
     if let Shape::Box { min, max } = shape {
         return box_panels(Vec3::from(*min), Vec3::from(*max), step);
     }
-    with_sources(shape, PanelGrid::of(step))
+    with_sources(shape, PanelGrid::of(step), None)
 }
 
-/// Panels with sources below them, of the surface's nodes in `grid`.
-pub(super) fn with_sources(shape: &Shape, grid: PanelGrid) -> Vec<Panel> {
+/// Kind of the sources of a solid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum SourceKind {
+    /// Of smooth solids.
+    Points,
+    /// Of solids with edges.
+    Tiles,
+}
+
+impl SourceKind {
+    /// The kind of the sources of panels; `None` if there is none.
+    pub(super) fn of(panels: &[Panel]) -> Option<Self> {
+        panels.iter().find_map(|panel| panel.source).map(|source| match source {
+            Source::Point(_) => Self::Points,
+            Source::Tile(_) => Self::Tiles,
+        })
+    }
+}
+
+/// Panels with sources below them, of the surface's nodes in `grid`. Without a `kind` the shape decides which.
+pub(super) fn with_sources(shape: &Shape, grid: PanelGrid, kind: Option<SourceKind>) -> Vec<Panel> {
     let step = grid.step;
     let mut made = project_nodes(shape, grid);
     // In thin parts the areas of the nodes do not sum to that of the surface.
@@ -184,7 +203,8 @@ pub(super) fn with_sources(shape: &Shape, grid: PanelGrid) -> Vec<Panel> {
     // An ellipsoid is sharp at its ends but has no edge: points leave a seventh to two thirds of what square panels do (a prototype).
     let may_have_edges =
         shape.inner_radius() >= MIN_EDGED_INNER_RADIUS * step && !matches!(shape, Shape::Ellipsoid { .. });
-    let edged = may_have_edges && made.iter().any(|panel| is_at_edge(shape, panel, step));
+    let has_edges = || may_have_edges && made.iter().any(|panel| is_at_edge(shape, panel, step));
+    let edged = kind.map_or_else(has_edges, |kind| kind == SourceKind::Tiles);
     if edged {
         made = merged(&made, MERGE_DISTANCE * step);
     }
@@ -430,7 +450,7 @@ mod tests {
     fn panels_near_an_edge_do_not_coincide() {
         let cuboid = Shape::Box { min: [-10.0, -10.0, -20.0], max: [10.0, 10.0, 0.0] };
         for step in [1.22, 1.3, 1.32, 1.36, 1.5] {
-            let made = with_sources(&cuboid, PanelGrid::of(step));
+            let made = with_sources(&cuboid, PanelGrid::of(step), None);
             let near =
                 |i: usize| (0..i).map(|j| (made[i].x - made[j].x).norm()).fold(f32::INFINITY, f32::min);
             let min = (1..made.len()).map(near).fold(f32::INFINITY, f32::min);

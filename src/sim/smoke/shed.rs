@@ -15,7 +15,7 @@
 use super::{
     Instant, SmokeRecord, System,
     body::Placed,
-    walls::{Spun, Turning},
+    walls::{Spun, Turning, Walls},
 };
 use crate::math::elementary::exp_m1;
 use crate::{
@@ -77,15 +77,18 @@ impl System {
         let parts: Vec<f32> = slips.iter().map(part).collect();
         let of =
             solids.iter().enumerate().flat_map(|(number, solid)| solid.panels.iter().map(move |_| number));
-        let shedding = ShedPanels { at: &at, of: of.collect(), parts: &parts };
+        let widest = panels().map(|(_, placed)| placed.panel.width).fold(walls.widest(), f32::max);
+        let shedding = ShedPanels { at: &at, of: of.collect(), parts: &parts, widest };
+        let gained = gained(walls, &solids, now, 0.5 * layer);
         let absorbed = self.absorb(&shedding, then);
 
         let mut released = Vec::with_capacity(at.len());
         let mut first = 0;
-        for solid in &solids {
+        for (solid, gained) in solids.iter().zip(gained) {
             let own = first..first + solid.panels.len();
             let slips = slips[own.clone()].iter().zip(&parts[own.clone()]).map(|(slip, part)| slip * *part);
-            released.extend(closed(solid, slips, absorbed[own].iter().sum(), 0.5 * layer));
+            let absorbed = absorbed[own].iter().sum::<Vec3>() - gained;
+            released.extend(closed(solid, slips, absorbed, 0.5 * layer));
             first += solid.panels.len();
         }
         released.retain(|(_, strength)| *strength != Vec3::zeros());
@@ -96,10 +99,10 @@ impl System {
     /// Absorbs what of the vortons' cores is inside solids at `then` [s], in the part that the nearest panel releases; returns the absorbed
     /// strength by panel [m³/s].
     fn absorb(&mut self, shedding: &ShedPanels<'_>, then: f64) -> Vec<Vec3> {
-        let ShedPanels { at, of, parts } = shedding;
+        let ShedPanels { at, of, parts, widest } = shedding;
         let mut absorbed = vec![Vec3::zeros(); at.len()];
         let Some(walls) = &self.air.walls else { return absorbed };
-        let (kernel, widest) = (self.params.flow.kernel, walls.widest());
+        let kernel = self.params.flow.kernel;
         let Vortons { position, strength, core } = &mut self.flow.vortons;
         let reach = REACH * core.iter().copied().fold(0.0, f32::max) + widest;
         let heights = walls.heights(position, reach, then);
@@ -130,10 +133,38 @@ struct ShedPanels<'a> {
     of: Vec<usize>,
     /// Part of the slip that each panel releases.
     parts: &'a [f32],
+    /// Width of the widest [m].
+    widest: f32,
+}
+
+/// What each of `solids` has more of its own vorticity than at `now` [s], with the same angular velocity, because its shape or size has
+/// changed [m³/s].
+fn gained(walls: &Walls, solids: &[Turning], now: f64, height: f32) -> Vec<Vec3> {
+    let is_changed = |solid: &Turning| solid.before != Vec3::zeros() && walls.is_deforming(solid.body);
+    if !solids.iter().any(is_changed) {
+        return vec![Vec3::zeros(); solids.len()];
+    }
+    let earlier = walls.turning(now, Spun::at(now), height);
+    let own = |solid: &Turning| own_vorticity(&solid.panels, solid.before);
+    let gain = |solid: &Turning| {
+        let was = earlier.iter().find(|earlier| earlier.body == solid.body).map_or(Vec3::zeros(), own);
+        if is_changed(solid) { own(solid) - was } else { Vec3::zeros() }
+    };
+    solids.iter().map(gain).collect()
+}
+
+/// Vorticity of a solid that turns with `omega` [1/s], over its surface [m³/s].
+fn own_vorticity(panels: &[Placed], omega: Vec3) -> Vec3 {
+    panels.iter().map(|placed| sheet((placed, omega.cross(&placed.arm)))).sum()
+}
+
+/// The vortex sheet of a slip on a panel [m³/s].
+fn sheet((placed, slip): (&Placed, Vec3)) -> Vec3 {
+    placed.panel.normal.cross(&slip) * placed.panel.area // n × s, [koumoutsakos95]
 }
 
 /// What a solid releases of the `slips` [m/s] on its panels, `height` [m] above them. The total vorticity does not change: what is
-/// shed, less the `absorbed` [m³/s], and the change of the solid's own vorticity sum to zero. If the mirror cuts through the solid,
+/// shed, less the `absorbed` [m³/s] (less what the solid [`gained`]), and the change of the solid's own vorticity sum to zero. If the mirror cuts through the solid,
 /// only their component along its normal does, as images cancel the rest.
 fn closed(
     solid: &Turning,
@@ -141,14 +172,13 @@ fn closed(
     absorbed: Vec3,
     height: f32,
 ) -> Vec<(Vec3, Vec3)> {
-    let Turning { panels, cut, before, spin } = solid;
-    let sheet = |(placed, slip): (&Placed, Vec3)| placed.panel.normal.cross(&slip) * placed.panel.area; // n × s, [koumoutsakos95]
+    let Turning { panels, cut, before, spin, .. } = solid;
     let turn = |omega: Vec3| panels.iter().map(move |placed| (placed, omega.cross(&placed.arm))).map(sheet);
     let shed: Vec<Vec3> = panels.iter().zip(slips).map(sheet).collect();
     let excess = shed.iter().sum::<Vec3>() - absorbed;
     let excess = cut.map_or(excess, |n| n * n.dot(&excess));
     // Σ A n × (Ω × r) = 2V Ω of a closed surface; of a cut one, or where panels are as wide as the solid, the excess is distributed by area.
-    let twice = Matrix3::from_columns(&[0, 1, 2].map(|axis| turn(Vec3::ith(axis, 1.0)).sum::<Vec3>()));
+    let twice = Matrix3::from_columns(&[0, 1, 2].map(|axis| own_vorticity(panels, Vec3::ith(axis, 1.0))));
     let inverse =
         twice.try_inverse().filter(|inverse| cut.is_none() && twice.norm() * inverse.norm() < MAX_CONDITION);
     let by_turn = inverse.map_or(Vec3::zeros(), |inverse| inverse * excess);
@@ -180,7 +210,7 @@ mod tests {
             let panels: Vec<Placed> = normals.iter().enumerate().map(placed).collect();
             let (before, spin, absorbed) = (Vec3::x(), Vec3::new(1.0, 2.0, -0.5), Vec3::new(0.3, 0.1, -0.2));
             let slips: Vec<Vec3> = (0..panels.len()).map(|n| Vec3::new(0.4, n as f32, -1.0)).collect();
-            let mut solid = Turning { panels, cut: None, before, spin };
+            let mut solid = Turning { body: 0, panels, cut: None, before, spin };
             let sum = |solid: &Turning| -> Vec3 {
                 closed(solid, slips.iter().copied(), absorbed, 0.1).iter().map(|(_, strength)| strength).sum()
             };

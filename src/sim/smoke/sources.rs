@@ -72,28 +72,29 @@ pub(super) struct Sources {
 impl Sources {
     /// Adds the induced velocity at `points` [m/s].
     pub(super) fn add_velocity(&self, points: &[Vec3], velocity: &mut [Vec3]) {
-        let point = |_: usize, _: Vec3| Vec3::zeros();
-        point_sums::add_velocity(&self.points_and_images(), points, velocity, point);
         let tiles = self.with_images();
         let near = |number: usize, x: Vec3| tiles[number].0.flow(x) * tiles[number].1;
-        point_sums::add_velocity(&far(&tiles), points, velocity, near);
+        point_sums::add_velocity(&self.far(&tiles), points, velocity, near);
     }
 
     /// Adds the gradient of the induced velocity at `points` [1/s].
     pub(super) fn add_gradient(&self, points: &[Vec3], gradient: &mut [Gradient]) {
-        let point = |_: usize, _: Vec3| Gradient::zeros();
-        point_sums::add_gradient(&self.points_and_images(), points, gradient, point);
         let tiles = self.with_images();
         let near = |number: usize, x: Vec3| tiles[number].0.strain(x) * tiles[number].1;
-        point_sums::add_gradient(&far(&tiles), points, gradient, near);
+        point_sums::add_gradient(&self.far(&tiles), points, gradient, near);
     }
 
-    /// Point sources and their mirror images.
-    fn points_and_images(&self) -> Vec<PointSource> {
-        let source = |at: Vec3, strength: f32| PointSource { at, strength, reach2: 0.0 };
-        let image = |&(y, q): &(Vec3, f32)| self.mirror.map(|mirror| source(reflect(y, mirror), q));
-        let points = self.points.iter().map(|&(y, q)| source(y, q));
-        points.chain(self.points.iter().filter_map(image)).collect()
+    /// Source panels as the points that they are far away, then point sources, both with their mirror images.
+    fn far(&self, tiles: &[(Tile, f32)]) -> Vec<PointSource> {
+        let tiles = tiles.iter().map(|(tile, q)| PointSource {
+            at: tile.middle,
+            strength: tile.area() * q,
+            reach2: tile.point_distance().powi(2),
+        });
+        let point = |at: Vec3, strength: f32| PointSource { at, strength, reach2: 0.0 };
+        let image = |&(y, q): &(Vec3, f32)| self.mirror.map(|mirror| point(reflect(y, mirror), q));
+        let points = self.points.iter().map(|&(y, q)| point(y, q));
+        tiles.chain(points).chain(self.points.iter().filter_map(image)).collect()
     }
 
     /// Source panels and their mirror images.
@@ -104,16 +105,6 @@ impl Sources {
             .flat_map(|mirror| self.tiles.iter().map(|&(tile, q)| (mirrored(&tile, *mirror), q)));
         self.tiles.iter().copied().chain(images).collect()
     }
-}
-
-/// Source panels and their densities over 4π [m/s], as the points that they are far away.
-fn far(tiles: &[(Tile, f32)]) -> Vec<PointSource> {
-    let point = |(tile, q): &(Tile, f32)| PointSource {
-        at: tile.middle,
-        strength: tile.area() * q,
-        reach2: tile.point_distance().powi(2),
-    };
-    tiles.iter().map(point).collect()
 }
 
 /// Velocity that a point source of 4π at `y` and its mirror image induce at `x` [1/m²].

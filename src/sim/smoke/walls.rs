@@ -10,7 +10,8 @@
 //! the velocity is the solid's.
 //!
 //! Symbols: q → `strength` [m³/s], x → `panel`, y → `source` [m], n → `normal`.
-//! Limits: panels are at least one spacing wide, and at most 1600 in all (`widths.rs`); a plane is taken to stand still.
+//! Limits: panels are at least one spacing wide, and at most 1600 in all, of meshes whose vertices move a quarter more (`widths.rs`); a plane is
+//! taken to stand still. A turning solid that loses its last source leaves the opposite of its own vorticity in the air.
 
 use super::{
     body::{Body, Placed, PlacedForm, largest_shape},
@@ -64,6 +65,8 @@ impl Spun {
 /// A solid and its angular velocity at a time.
 #[derive(Debug)]
 pub(super) struct Turning {
+    /// Index of the solid.
+    pub(super) body: usize,
     pub(super) panels: Vec<Placed>,
     /// Normal of the mirror, if that cuts through the solid.
     pub(super) cut: Option<Vec3>,
@@ -90,7 +93,8 @@ impl Walls {
         let shapes: Vec<Cow<'_, Shape>> = solids.iter().map(largest_shape).collect();
         let shapes: Vec<&Shape> = shapes.iter().map(AsRef::as_ref).collect();
         let panels = distribute_panels(&shapes, spacing);
-        let bodies = solids.iter().zip(panels).map(|(solid, panels)| Body::new(solid, panels)).collect();
+        let body = |((solid, shape), panels): ((&Solid, &&Shape), _)| Body::new(solid, shape, panels);
+        let bodies = solids.iter().zip(&shapes).zip(panels).map(body).collect();
         Some(Self { bodies, mirror, still: OnceLock::new() })
     }
 
@@ -102,8 +106,9 @@ impl Walls {
     /// Indices of the solids without a source, which let the air through. A plane needs none, nor does a solid below it.
     pub(super) fn sourceless(&self) -> Vec<usize> {
         let is_bare = |body: &Body| {
-            let is_sourced = if body.is_still() { self.is_sourced(body, 0.0) } else { body.has_sources() };
             let panels = body.largest_panels();
+            let has_sources = || panels.iter().any(|panel| panel.source.is_some());
+            let is_sourced = if body.is_still() { self.is_sourced(body, 0.0) } else { has_sources() };
             let is_in_air =
                 panels.is_empty() || panels.iter().any(|panel| mirror::is_before(panel, self.mirror));
             is_in_air && !(body.is_plane() || is_sourced)
@@ -123,11 +128,7 @@ impl Walls {
 
     /// Whether a solid has a source in the air at `time` [s].
     fn is_sourced(&self, body: &Body, time: f64) -> bool {
-        body.has_sources()
-            && body
-                .panels(time)
-                .iter()
-                .any(|placed| mirror::source_in_air(&placed.panel, self.mirror).is_some())
+        body.may_have_sources() && body.at(time).has_source_in_air(self.mirror)
     }
 
     /// All panels at `time` [s].
@@ -149,12 +150,13 @@ impl Walls {
             Influence::new(&panels, mirror)
         };
         let moved;
-        let influence = if self.bodies.iter().all(|body| body.is_still() || !body.has_sources()) {
+        let influence = if self.bodies.iter().all(|body| body.is_still() || !body.may_have_sources()) {
             self.still.get_or_init(coefficients)
         } else {
             moved = coefficients();
             &moved
         };
+        assert_eq!(right.len(), influence.unknowns.len(), "coefficients of other panels");
         let (q, residual) = gmres(&right, RESIDUAL, MAX_ITERATIONS, |q| influence.product(q));
         let mut sources = Sources { mirror, residual, ..Sources::default() };
         for (&(source, square), q) in influence.unknowns.iter().zip(q) {
@@ -175,7 +177,7 @@ impl Walls {
                 n.dot(&x) + (n.dot(&normal) * height).min(0.0) > offset + mirror::TOLERANCE * width
             })
         };
-        let turned = |body: &Body| {
+        let turned = |(number, body): (usize, &Body)| {
             let mut panels = body.panels(time);
             let all = panels.len();
             panels.retain(is_before);
@@ -184,14 +186,19 @@ impl Walls {
             let [first, second] =
                 spun.times.map(|time| if time == 0.0 { Vec3::zeros() } else { body.angular_velocity(time) });
             let before = first * (1.0 - spun.part) + second * spun.part;
-            Turning { panels, cut, before, spin: body.angular_velocity(time) }
+            Turning { body: number, panels, cut, before, spin: body.angular_velocity(time) }
         };
         self.with_sources(time).map(turned).collect()
     }
 
-    /// The solids with sources in the air at `time` [s].
-    fn with_sources(&self, time: f64) -> impl Iterator<Item = &Body> {
-        self.bodies.iter().filter(move |body| self.is_sourced(body, time))
+    /// Whether the shape or the size of solid number `body` changes.
+    pub(super) fn is_deforming(&self, body: usize) -> bool {
+        self.bodies[body].is_deforming()
+    }
+
+    /// The solids with sources in the air at `time` [s], and their indices.
+    fn with_sources(&self, time: f64) -> impl Iterator<Item = (usize, &Body)> {
+        self.bodies.iter().enumerate().filter(move |(_, body)| self.is_sourced(body, time))
     }
 
     /// Mirror images of points, if there is a plane.
@@ -242,7 +249,7 @@ impl Walls {
     /// Distance of points from the nearest solid with sources at `time` [s], up to `max` [m], and that solid's index among them; 0 for
     /// none.
     pub(super) fn heights(&self, points: &[Vec3], max: f32, time: f64) -> Vec<(f32, usize)> {
-        let placed: Vec<PlacedForm> = self.with_sources(time).map(|body| body.at(time)).collect();
+        let placed: Vec<PlacedForm> = self.with_sources(time).map(|(_, body)| body.at(time)).collect();
         let mut heights = vec![(max, 0); points.len()];
         par::update(&mut heights, |i, nearest| {
             for (number, solid) in placed.iter().enumerate() {
@@ -276,10 +283,7 @@ impl Walls {
     /// Largest displacement of a solid in a step from `time` [s], for vortons of this core [m]: a core, a panel, or the radius of the largest
     /// ball in the smallest solid that moves. Farther, and it passes over smoke without moving it.
     pub(super) fn max_displacement(&self, core: f32, time: f64) -> f32 {
-        let moving = self.bodies.iter().filter(|body| !body.is_still());
-        let widths =
-            self.bodies.iter().flat_map(|body| body.largest_panels().first()).map(|panel| panel.width);
-        moving.map(|body| body.inner_radius(time)).chain(widths).fold(core, f32::min)
+        self.bodies.iter().flat_map(|body| body.lengths(time)).fold(core, f32::min)
     }
 
     /// The width of the widest panel [m].

@@ -4,13 +4,15 @@
 //! whose panels of one spacing fit into an equal share has those. The others share what is left; their panels widen until each
 //! solid is within its share. So a small ball next to a large box keeps its panels.
 //!
-//! Limits: panels are at least one spacing wide. A solid that would need panels wider than itself, as among some hundreds of others,
+//! A mesh whose vertices move may have a quarter more than at its largest area (`body.rs`).
+//!
+//! Limits: panels are at least one spacing wide, where a solid is largest. A solid that would need panels wider than itself, as among some hundreds of others,
 //! has none.
 
-use super::panels::{Panel, PanelGrid, longest, panels, with_sources};
+use super::panels::{Panel, PanelGrid, SourceKind, longest, panels, with_sources};
 use crate::solid::Shape;
 
-/// Limit of panels of all solids: the matrix then takes 10 MB, and a solve up to 60 products with it.
+/// Limit of panels of all solids at their largest: the matrix then takes 10 MB, with a quarter more panels 16 MB, and a solve up to 60 products with it.
 pub(super) const MAX_PANELS: usize = 1600;
 
 /// Panels of the first attempt over the limit. Smaller, and the attempt may be coarser than necessary; larger, and large solids take
@@ -34,10 +36,16 @@ pub(super) fn distribute_panels(shapes: &[&Shape], spacing: f32) -> Vec<Vec<Pane
     tries.into_iter().map(|(_, panels)| panels).collect()
 }
 
-/// Panels of a shape in a grid, or a wider one in which there are at most `limit`.
-pub(super) fn panels_within(shape: &Shape, mut grid: PanelGrid, limit: usize) -> Vec<Panel> {
+/// Panels of a shape in a grid, or a wider one in which there are at most `limit`, with sources of this kind.
+pub(super) fn panels_within(
+    shape: &Shape,
+    mut grid: PanelGrid,
+    kind: Option<SourceKind>,
+    limit: usize,
+) -> Vec<Panel> {
+    grid.step = grid.step.max((shape.area() / (FIRST_ATTEMPT * limit as f32)).sqrt());
     loop {
-        let found = with_sources(shape, grid);
+        let found = with_sources(shape, grid, kind);
         if found.len() <= limit {
             return found;
         }
@@ -100,6 +108,18 @@ mod tests {
             let sum: f32 = panels.iter().map(|panel| panel.area).sum();
             assert!((sum / whole - 1.0).abs() < 0.1, "{sum} for {whole}");
         }
+    }
+
+    #[test]
+    fn panels_widen_until_they_are_within_their_limit() {
+        let grid = PanelGrid { step: 0.02, origin: crate::math::Vec3::zeros() };
+        let free = panels_within(&ball(0.0, 0.2), grid, None, 10_000).len();
+        assert!(free > 800, "{free}");
+        for limit in [400, 50, 10] {
+            let found = panels_within(&ball(0.0, 0.2), grid, None, limit).len();
+            assert!((limit / 3..=limit).contains(&found), "{limit}: {found}");
+        }
+        assert!(panels_within(&ball(0.0, 0.2), grid, None, 1).is_empty(), "one panel encloses nothing");
     }
 
     #[test]

@@ -119,15 +119,20 @@ fn check_planes(scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
     }
 }
 
-/// Checks that no tank changes its size: the air in it, which is not compressed, would have to leave.
+/// Checks that no solid changes its size by `scale` next to a tank: the air in a tank is not compressed and cannot leave.
 fn check_tanks(scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
-    let tanks = scene.world.collider.iter().enumerate();
-    let tanks = tanks.filter(|(_, collider)| matches!(collider.shape, Shape::Tank { .. }));
-    for (index, _) in tanks.filter(|(_, tank)| tank.is_deforming()) {
-        let key = format!("world.collider.{index}.keyframes");
-        let message = "a tank with smoke must keep its size: its air could not get out";
-        let finding = Finding::new(places.of(&key), &key, message, "found `scale` in keyframes");
-        findings.push(finding.with_help("leave out `scale`"));
+    let colliders = &scene.world.collider;
+    if !colliders.iter().any(|collider| matches!(collider.shape, Shape::Tank { .. })) {
+        return;
+    }
+    for (index, collider) in colliders.iter().enumerate() {
+        let Some(key) = collider.keyframes.windows(2).position(|pair| pair[0].scale != pair[1].scale) else {
+            continue;
+        };
+        let key = format!("world.collider.{index}.keyframes.{}", key + 1);
+        let message = "a solid changes its size next to smoke in a tank, whose air cannot leave";
+        let finding = Finding::new(places.of(&key), &key, message, "found another `scale` than before");
+        findings.push(finding.with_help("use boxes with an opening for the tank, or keep `scale` as it is"));
     }
 }
 
