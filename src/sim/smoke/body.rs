@@ -44,7 +44,7 @@ pub(super) struct Body {
     angular_velocities: Recent<Vec3>,
 }
 
-/// Results of the times that were asked for last.
+/// Results of the times that were requested for last.
 #[derive(Debug)]
 struct Recent<T>(Mutex<Vec<(f64, T)>>);
 
