@@ -33,13 +33,6 @@ const BOUNDARY_BYTES: f64 = 6.0;
 /// Distance fields of a mesh that deforms which are held at a time.
 const HELD_KEYS: f64 = 3.0;
 
-/// Further such fields that smoke holds, of the stages of a step.
-const SMOKE_KEYS: f64 = 4.0;
-
-/// Memory of the moving surface of a mesh that deforms next to smoke, of each stage: the triangles in a tree and by their corners
-/// [bytes/triangle], and positions and velocities [bytes/vertex].
-const SURFACE_BYTES: [f64; 2] = [96.0, 24.0];
-
 /// Memory of sampled meshes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Solids {
@@ -55,14 +48,10 @@ impl Solids {
         let mut scene = scene.clone();
         let mut fields = BTreeMap::new();
         let (mut colliding, mut deforming) = (0, 0.0);
-        let stages = if scene.smoke.is_some() { SMOKE_KEYS } else { 0.0 };
         let mut add = |shape: &Shape| match shape {
             Shape::Mesh(mesh) if let Some(deformation) = mesh.deformation() => {
                 let nodes = deformation.max_nodes();
-                deforming += deformation.memory() + (HELD_KEYS + stages) * SAMPLE_BYTES * nodes as f64;
-                let [triangle, vertex] = SURFACE_BYTES;
-                deforming += stages * triangle * deformation.triangles().len() as f64;
-                deforming += stages * vertex * deformation.vertices() as f64;
+                deforming += deformation.memory() + HELD_KEYS * SAMPLE_BYTES * nodes as f64;
                 // The boundary densities of two keys, and one field that is sampled while the simulation runs.
                 deforming += (BOUNDARY_BYTES + SAMPLING_BYTES) * nodes as f64;
                 nodes

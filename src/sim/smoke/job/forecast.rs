@@ -20,6 +20,7 @@ use crate::{
         smoke::SmokeParams,
         vortex::{flow::Sum, max_multigrid_bytes},
     },
+    solid::Shape,
 };
 
 /// The pilot's spacing over the shot's: an eighth of all elements.
@@ -43,8 +44,23 @@ const VORTON_BYTES: f64 = 900.0;
 /// … and [bytes/tracer].
 const TRACER_BYTES: f64 = 230.0;
 
-/// Memory of so many vortons and tracers [bytes].
+/// Shapes of a mesh that deforms which its panels hold at a time: those of the stages of a step.
+const STAGES: f64 = 4.0;
+
+/// Memory of each [bytes/node of the distance field], …
+const NODE_BYTES: f64 = 4.0;
+
+/// … [bytes/triangle], in a tree and by corners, …
+const TRIANGLE_BYTES: f64 = 96.0;
+
+/// … and [bytes/vertex], positions and velocities.
+const VERTEX_BYTES: f64 = 24.0;
+
+/// Memory of so many vortons and tracers, and of meshes that deform among them [bytes].
 pub(super) fn memory(scene: &Scene, counts: &[ElementCount]) -> f64 {
+    if scene.smoke.is_none() {
+        return 0.0;
+    }
     let has_grid = scene.smoke.as_ref().is_some_and(|smoke| smoke.flow.sum == Sum::Multigrid);
     let bytes = |count: &ElementCount| match count.kind {
         StreamKind::Vortons if has_grid => {
@@ -53,7 +69,15 @@ pub(super) fn memory(scene: &Scene, counts: &[ElementCount]) -> f64 {
         StreamKind::Vortons => count.max() * VORTON_BYTES,
         _ => count.max() * TRACER_BYTES,
     };
-    counts.iter().map(bytes).sum()
+    let meshes = scene.world.collider.iter().filter_map(|collider| match &collider.shape {
+        Shape::Mesh(mesh) => mesh.deformation(),
+        _ => None,
+    });
+    let stage = meshes.map(|mesh| {
+        let (nodes, triangles) = (mesh.max_nodes() as f64, mesh.triangles().len() as f64);
+        NODE_BYTES * nodes + TRIANGLE_BYTES * triangles + VERTEX_BYTES * mesh.vertices() as f64
+    });
+    counts.iter().map(bytes).sum::<f64>() + STAGES * stage.sum::<f64>()
 }
 
 /// The vortons and tracers of seeded smoke, with a bound of those at the end by what emitters add.
