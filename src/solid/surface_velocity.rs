@@ -67,6 +67,9 @@ pub(crate) fn angular_velocity(shape: &MeshShape, time: f64, half_interval: f64)
         (area, middle, mean) = (area + own, middle + x * own, mean + v * own);
         faces.push((own, x, v));
     }
+    if area == 0.0 {
+        return Vec3::zeros();
+    }
     let (middle, mean) = (middle / area, mean / area);
     let (mut momentum, mut inertia) = (Vector3::<f64>::zeros(), Matrix3::<f64>::zeros());
     for (area, x, v) in faces {
@@ -151,6 +154,9 @@ mod tests {
         assert!((angular_velocity(&boxes(true, true, turn), 0.05, 1e-3) - omega).norm() < 1e-4);
         // Growth is no turn.
         assert!(angular_velocity(&boxes(false, false, |x| x * 1.1), 0.05, 1e-3).norm() < 1e-5);
+        // Half a turn between two samples: in the middle all triangles lie on a line.
+        let turned = boxes(false, false, |x| Vec3::new(-x.x, -x.y, x.z));
+        assert_eq!(angular_velocity(&turned, 0.05, 1e-3), Vec3::zeros());
         assert_eq!(angular_velocity(&MeshShape::new("rigid.ply"), 0.0, 1e-3), Vec3::zeros());
         assert!(SurfaceVelocity::new(&MeshShape::new("rigid.ply"), 0.0, 1e-3).is_none());
     }

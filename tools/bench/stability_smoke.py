@@ -88,7 +88,7 @@ SWEEPS = [
     ("Speed of a ball that flies through a ring", "m/s", [1, 10, 100], lambda value: {"collider": flown(value)}),
     ("Speed of the surface of a ball of 0.05 m that grows for eight frames", "m/s", [0.1, 1, 10, 100],
      lambda value: {"collider": resized(0.05, 1 + value * 8 / 24 / 0.05, 8)}),
-    ("Frames in which a ball of 0.25 m shrinks to a thousandth (one: 6 m/s)", "", [24, 8, 1],
+    ("Frames in which a ball of 0.25 m shrinks to a thousandth (in a single one, at 6 m/s)", "", [24, 8, 1],
      lambda value: {"collider": resized(0.25, 1e-3, value)}),
 ]
 

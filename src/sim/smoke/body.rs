@@ -4,7 +4,8 @@
 //! size, made smaller. A mesh whose vertices move has new panels at each time, of the width that its largest area allows; their grid
 //! moves with the mean of its vertices. Panels move as the surface does, along it too.
 //!
-//! Limits: panels of a mesh that turns or bends by its vertices change from stage to stage of a step, and with them what leaks between them.
+//! Limits: a mesh without sources at its largest area has points at other times, which leak more than tiles where it then has edges. Panels of a
+//! mesh that turns or bends by its vertices change from stage to stage of a step, and with them what leaks between them.
 //! Where such a mesh gets too thin for sources it lets the air through, which the frame's leakage shows.
 
 use super::{
@@ -26,8 +27,8 @@ use std::{
 /// Most panels of a mesh whose vertices move, over those at its largest area: their number depends on how the surface lies in the grid.
 const MAX_PANEL_RATIO: f32 = 1.25;
 
-/// And so many more, for meshes of a few panels.
-const MORE_PANELS: usize = 8;
+/// Panels above that ratio which a mesh may have, as one of a few panels varies more.
+const EXTRA_PANELS: usize = 8;
 
 /// Times of which results are kept: the three stages of a step, and its end.
 const RECENT: usize = 4;
@@ -44,7 +45,7 @@ pub(super) struct Body {
     angular_velocities: Recent<Vec3>,
 }
 
-/// Results of the times that were requested for last.
+/// Results of the times that were requested last.
 #[derive(Debug)]
 struct Recent<T>(Mutex<Vec<(f64, T)>>);
 
@@ -78,7 +79,7 @@ pub(super) struct Form {
     /// Centre of its surface [m].
     middle: Vec3,
     inner_radius: f32,
-    /// How it changes.
+    /// Change of a solid that deforms.
     change: Option<Change>,
 }
 
@@ -263,9 +264,10 @@ impl Body {
         let panels = match (&surface, self.largest.first()) {
             (Some(surface), Some(widest)) => {
                 let grid = PanelGrid { step: widest.width * factor, origin: surface.middle() };
-                let limit = (self.largest.len() as f32 * MAX_PANEL_RATIO) as usize + MORE_PANELS;
-                // One kind at all times: sources that change from one to the other would move the air.
-                panels_within(&shape, grid, SourceKind::of(&self.largest), limit)
+                let limit = (self.largest.len() as f32 * MAX_PANEL_RATIO) as usize + EXTRA_PANELS;
+                // One kind at all times: sources that change from one to the other would move the air. Points suit every shape.
+                let kind = SourceKind::of(&self.largest).unwrap_or(SourceKind::Points);
+                panels_within(&shape, grid, kind, limit)
             }
             _ => self.largest.iter().map(|panel| panel.scaled(factor)).collect(),
         };

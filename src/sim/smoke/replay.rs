@@ -8,7 +8,8 @@
 //!
 //! Symbols: s → `part`, 0 at the first frame and 1 at the second.
 //! Limits: second order in the distance of frames. Where vortons were remeshed in between, the two sets cross-fade. The own vorticity of a
-//! solid that turns while it grows is balanced at cached frames alone.
+//! solid that turns while it grows is balanced at cached frames alone, and in
+//! a simulation at the end of each step.
 
 use super::{
     FrameAir, NAME, ShotAir, Smoke, System, TRACERS,

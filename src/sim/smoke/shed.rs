@@ -87,8 +87,8 @@ impl System {
         for (solid, gained) in solids.iter().zip(gained) {
             let own = first..first + solid.panels.len();
             let slips = slips[own.clone()].iter().zip(&parts[own.clone()]).map(|(slip, part)| slip * *part);
-            let absorbed = absorbed[own].iter().sum::<Vec3>() - gained;
-            released.extend(closed(solid, slips, absorbed, 0.5 * layer));
+            let replaced = absorbed[own].iter().sum::<Vec3>() - gained;
+            released.extend(closed(solid, slips, replaced, 0.5 * layer));
             first += solid.panels.len();
         }
         released.retain(|(_, strength)| *strength != Vec3::zeros());
@@ -137,8 +137,7 @@ struct ShedPanels<'a> {
     widest: f32,
 }
 
-/// What each of `solids` has more of its own vorticity than at `now` [s], with the same angular velocity, because its shape or size has
-/// changed [m³/s].
+/// Increase of each solid's own vorticity since `now` [s] by its change of shape or size, at the angular velocity of then [m³/s].
 fn gained(walls: &Walls, solids: &[Turning], now: f64, height: f32) -> Vec<Vec3> {
     let is_changed = |solid: &Turning| solid.before != Vec3::zeros() && walls.is_deforming(solid.body);
     if !solids.iter().any(is_changed) {
@@ -164,18 +163,18 @@ fn sheet((placed, slip): (&Placed, Vec3)) -> Vec3 {
 }
 
 /// What a solid releases of the `slips` [m/s] on its panels, `height` [m] above them. The total vorticity does not change: what is
-/// shed, less the `absorbed` [m³/s] (less what the solid [`gained`]), and the change of the solid's own vorticity sum to zero. If the mirror cuts through the solid,
-/// only their component along its normal does, as images cancel the rest.
+/// shed, less what it `replaced` [m³/s] (what was absorbed less what the solid [`gained`]), and the change of the solid's own vorticity by its
+/// spin sum to zero. If the mirror cuts through the solid, only their component along its normal does, as images cancel the rest.
 fn closed(
     solid: &Turning,
     slips: impl Iterator<Item = Vec3>,
-    absorbed: Vec3,
+    replaced: Vec3,
     height: f32,
 ) -> Vec<(Vec3, Vec3)> {
     let Turning { panels, cut, before, spin, .. } = solid;
     let turn = |omega: Vec3| panels.iter().map(move |placed| (placed, omega.cross(&placed.arm))).map(sheet);
     let shed: Vec<Vec3> = panels.iter().zip(slips).map(sheet).collect();
-    let excess = shed.iter().sum::<Vec3>() - absorbed;
+    let excess = shed.iter().sum::<Vec3>() - replaced;
     let excess = cut.map_or(excess, |n| n * n.dot(&excess));
     // Σ A n × (Ω × r) = 2V Ω of a closed surface; of a cut one, or where panels are as wide as the solid, the excess is distributed by area.
     let twice = Matrix3::from_columns(&[0, 1, 2].map(|axis| own_vorticity(panels, Vec3::ith(axis, 1.0))));

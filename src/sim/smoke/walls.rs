@@ -10,8 +10,9 @@
 //! the velocity is the solid's.
 //!
 //! Symbols: q → `strength` [m³/s], x → `panel`, y → `source` [m], n → `normal`.
-//! Limits: panels are at least one spacing wide, and at most 1600 in all, of meshes whose vertices move a quarter more (`widths.rs`); a plane is
-//! taken to stand still. A turning solid that loses its last source leaves the opposite of its own vorticity in the air.
+//! Limits: panels are at least one spacing wide, and at most 1600 in all at the solids' largest (`widths.rs`); a plane is
+//! taken to stand still. A turning solid that loses its last source leaves the opposite of its own vorticity in the air, and
+//! releases it once more if it gets sources again.
 
 use super::{
     body::{Body, Placed, PlacedForm, largest_shape},

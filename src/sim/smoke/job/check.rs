@@ -125,7 +125,9 @@ fn check_tanks(scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
     if !colliders.iter().any(|collider| matches!(collider.shape, Shape::Tank { .. })) {
         return;
     }
-    for (index, collider) in colliders.iter().enumerate() {
+    // A tank's own size is checked with its shape.
+    let solids = colliders.iter().enumerate().filter(|(_, solid)| !matches!(solid.shape, Shape::Tank { .. }));
+    for (index, collider) in solids {
         let Some(key) = collider.keyframes.windows(2).position(|pair| pair[0].scale != pair[1].scale) else {
             continue;
         };

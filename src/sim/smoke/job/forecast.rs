@@ -58,10 +58,8 @@ const VERTEX_BYTES: f64 = 24.0;
 
 /// Memory of so many vortons and tracers, and of meshes that deform among them [bytes].
 pub(super) fn memory(scene: &Scene, counts: &[ElementCount]) -> f64 {
-    if scene.smoke.is_none() {
-        return 0.0;
-    }
-    let has_grid = scene.smoke.as_ref().is_some_and(|smoke| smoke.flow.sum == Sum::Multigrid);
+    let Some(smoke) = &scene.smoke else { return 0.0 };
+    let has_grid = smoke.flow.sum == Sum::Multigrid;
     let bytes = |count: &ElementCount| match count.kind {
         StreamKind::Vortons if has_grid => {
             count.max() * VORTON_BYTES + max_multigrid_bytes(count.max() as usize)

@@ -44,7 +44,7 @@ fn without_panels(solids: &[usize]) -> Option<String> {
     let more = if more > 0 { format!(" and {more} more") } else { String::new() };
     (!solids.is_empty()).then(|| {
         format!(
-            "air goes through {}{more}: too thin or too small for source panels, or one of more solids than 1600 panels \
+            "air goes through {}{more}: at its largest too thin or too small for source panels, or one of more solids than 1600 panels \
              suffice for; make it thicker than smoke.spacing, lower smoke.spacing, or use fewer solids",
             named.join(", ")
         )
