@@ -32,6 +32,7 @@ mod forced;
 mod forces;
 pub(in crate::sim) mod inflow;
 mod jacobi;
+mod jitter;
 #[cfg(feature = "presets")]
 pub(crate) mod job;
 mod lanes;
@@ -229,11 +230,9 @@ impl Liquid {
         }
         self.check_state(0)?;
         self.sample_forces(span[0], clock);
-        if span[0] == 0.0
-            && partners.system.is_none()
-            && self.body_acceleration() == 0.0
-            && self.tension.is_none()
-        {
+        let has_jitter = self.params.source.iter().any(|source| source.jitter > 0.0);
+        let moves = partners.system.is_some() || self.body_acceleration() > 0.0 || self.tension.is_some();
+        if span[0] == 0.0 && (has_jitter || !moves) {
             self.relax(clock, &mut record, watch)?;
         }
         self.retain_from_frame(clock)?;

@@ -1,14 +1,15 @@
-//! Relaxation of the seeded positions, for liquid that nothing moves.
+//! Relaxation of the seeded positions, for liquid that nothing moves, or with displaced particles.
 
 use super::{
     Clock, Kernel, Liquid, LiquidRecord, Stop, Watch, accelerated::MIN_SIGNIFICANT_ERROR, jacobi, setup,
 };
 
-/// Most Jacobi iterations that correct the deviations of the seeded positions; a ball takes about ten.
-const MAX_RELAXATION_ITERATIONS: u32 = 20;
+/// Most Jacobi iterations that correct the deviations of the seeded positions. A ball takes about ten, one of displaced particles 40 to 60;
+/// after 20 it would move at 2 mm/s.
+const MAX_RELAXATION_ITERATIONS: u32 = 60;
 
 impl Liquid {
-    /// Corrects the deviations of the seeded positions without a velocity, in liquid without gravity and tension. In the first
+    /// Corrects the deviations of the seeded positions without a velocity, in liquid without gravity and tension or with `jitter`. In the first
     /// substep the corrections at the steps of a ball's surface would be velocities of 4 to 9 mm/s, with which it drifts apart for
     /// ever. Under gravity they are lost in the motion, and a seeding lattice that falls onto the floor from wall to wall is better
     /// not disturbed. What is left after the last iteration is corrected by the first substep.

@@ -10,6 +10,7 @@
 use super::{
     LiquidParams,
     calibration::RestState,
+    jitter::displaced,
     record::{EmptySource, LiquidSeeds},
     walls::Walls,
 };
@@ -59,22 +60,28 @@ pub(super) fn seed(params: &LiquidParams, rest: &RestState, walls: &Walls) -> Re
     let mut seeds = Seeds::default();
     for (index, source) in params.source.iter().enumerate() {
         let earlier = CellGrid::new(&seeds.positions, rest.spacing);
+        let is_in_solid = |x| walls.distance(x) < MIN_SOLID_DISTANCE * rest.spacing;
+        let overlaps = |x| {
+            let mut near = false;
+            earlier.for_each_within(&seeds.positions, x, MIN_SEPARATION * rest.spacing, |_, _| near = true);
+            near
+        };
         let mut found = Vec::new();
         let mut skipped = 0;
         for x in SeedingLattice::fitted(&source.shape, spacing).points(&source.shape) {
-            if walls.distance(x) < MIN_SOLID_DISTANCE * rest.spacing {
+            if is_in_solid(x) {
                 seeds.report.skipped_in_solids += 1;
                 skipped += 1;
-                continue;
-            }
-            let mut near = false;
-            earlier.for_each_within(&seeds.positions, x, MIN_SEPARATION * rest.spacing, |_, _| near = true);
-            if near {
+            } else if overlaps(x) {
                 seeds.report.skipped_overlapping += 1;
                 skipped += 1;
             } else {
                 found.push(x);
             }
+        }
+        if source.jitter > 0.0 {
+            let fits = |x| is_inside(&source.shape, x) && !is_in_solid(x) && !overlaps(x);
+            found = displaced(&found, index as u32, source.jitter, rest.spacing, fits);
         }
         if found.is_empty() {
             seeds.report.empty_sources.push(EmptySource {
@@ -235,6 +242,14 @@ fn contains(shape: &Shape, x: Vec3) -> bool {
     }
 }
 
+/// Whether any point is in the shape.
+fn is_inside(shape: &Shape, x: Vec3) -> bool {
+    match shape {
+        Shape::Box { .. } => shape.signed_distance(x) <= 0.0,
+        _ => contains(shape, x),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -289,6 +304,47 @@ mod tests {
             assert!((volume / expected - 1.0).abs() < bound, "{shape}: {volume} of {expected}");
             let mean = positions.iter().sum::<Vec3>() / positions.len() as f32;
             assert!((mean - Vec3::new(5.0, 0.0, 0.3)).amax() < 1e-4, "{shape}: {mean:?}");
+        }
+    }
+
+    #[test]
+    fn jitter_displaces_particles_within_their_source_and_clear_of_solids() {
+        let text = |jitter: [f32; 2]| {
+            let [first, second] = jitter;
+            format!(
+                "spacing = 0.02\n[[source]]\njitter = {first}\nshape = {{ box = {{ min = [0, 0, 0], max = [0.2, 0.2, 0.1] }} }}\n\
+                 [[source]]\njitter = {second}\nshape = {{ sphere = {{ center = [0.1, 0.1, 0.21], radius = 0.1 }} }}"
+            )
+        };
+        let tank = || vec![Shape::Tank { min: [0.0; 3], max: [0.2, 0.2, 1.0] }];
+        let [regular, displaced] = [[0.0; 2], [0.5, 0.2]].map(|jitter| seeds(&text(jitter), tank()).unwrap());
+        assert_eq!((&regular.ends, &regular.report), (&displaced.ends, &displaced.report));
+        let first = regular.ends[0] as usize;
+        for (range, jitter) in [(0..first, 0.5_f32), (first..regular.positions.len(), 0.2)] {
+            let offsets: Vec<Vec3> =
+                range.map(|i| (displaced.positions[i] - regular.positions[i]) / 0.02).collect();
+            let mean = offsets.iter().sum::<Vec3>() / offsets.len() as f32;
+            let square = offsets.iter().map(Vec3::norm_squared).sum::<f32>() / offsets.len() as f32;
+            // Up to j along three axes, of which j² is the mean square, less what would be outside; and what moves pairs apart.
+            assert!(offsets.iter().all(|offset| offset.amax() <= jitter + 0.5), "{jitter}");
+            assert!(mean.norm() < 0.15 * jitter, "{jitter}: {mean}");
+            assert!((0.5..1.1).contains(&(square / jitter.powi(2))), "{jitter}: {square}");
+        }
+        let (pool, ball) = displaced.positions.split_at(first);
+        // Few are left with a neighbour closer than 0.85 spacings, where walls and the surface hold them; as drawn, nearly all.
+        let nearest = |x: &Vec3| {
+            pool.iter().filter(|y| *y != x).map(|y| (x - y).norm()).fold(f32::MAX, f32::min) / 0.02
+        };
+        let close = pool.iter().filter(|x| nearest(x) < 0.85).count();
+        let closest = pool.iter().map(nearest).fold(f32::MAX, f32::min);
+        println!("{close} of {first}, {closest} spacings at least");
+        assert!(close < first / 20 && closest > 0.5, "{close} of {first}, {closest} spacings at least");
+        for x in pool {
+            assert!(x.iter().all(|&c| c > 0.0097) && x.x < 0.1903 && x.y < 0.1903 && x.z <= 0.1001, "{x}");
+        }
+        for x in ball {
+            assert!((x - Vec3::new(0.1, 0.1, 0.21)).norm() <= 0.1, "{x}");
+            assert!(pool.iter().all(|y| (x - y).norm() >= 0.9 * 0.0199), "{x}");
         }
     }
 
