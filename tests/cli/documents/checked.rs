@@ -42,6 +42,7 @@ const fn checked(
     Checked { document, start, count, check, why }
 }
 
+const MILLION: &str = "simulates a million particles: half an hour";
 const AS_WRITTEN: &str = "simulates as many particles as the preset has as written: minutes";
 const SEVERAL_RUNS: &str = "runs the shot once for each setting: minutes";
 const BENCH: &str = "measures: minutes to hours, on an idle machine";
@@ -67,13 +68,8 @@ pub(super) const CHECKED: &[Checked] = &[
     checked("docs/eikonal.md", "tools/bench/", 1, Check::Script, BENCH),
     checked("docs/eikonal.md", "meniscus tradeoff", 1, Check::DryRun, SEVERAL_RUNS),
     checked("docs/eikonal.md", "cargo bench", 1, Check::Cargo, BENCH),
-    checked(
-        "docs/gallery.md",
-        "meniscus shot figure-drop",
-        1,
-        Check::DryRun,
-        "simulates a million particles: half an hour",
-    ),
+    checked("docs/gallery.md", "meniscus shot figure-drop", 1, Check::DryRun, MILLION),
+    checked("docs/gallery.md", "meniscus shot crown-splash", 1, Check::DryRun, MILLION),
     checked("docs/liquid.md", "meniscus shot dam-break", 2, Check::DryRun, AS_WRITTEN),
     checked("docs/paper.md", "tools/bench/", 2, Check::Script, BENCH),
     checked("docs/paper.md", "meniscus simulate", 29, Check::DryRun, AS_WRITTEN),
