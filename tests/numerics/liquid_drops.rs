@@ -178,7 +178,7 @@ fn displaced_particles_are_at_rest_and_take_little_more_volume() {
         let growth = (displaced / size).powi(3) - 1.0;
         println!("{jitter}: {speed} m/s, volume +{growth}");
         assert!(speed < 0.03, "{jitter}: {speed} m/s");
-        assert!((-0.01..0.02).contains(&growth), "{jitter}: {growth} more volume");
+        assert!((-0.01..0.05).contains(&growth), "{jitter}: {growth} more volume");
     }
 }
 

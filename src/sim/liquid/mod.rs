@@ -230,9 +230,8 @@ impl Liquid {
         }
         self.check_state(0)?;
         self.sample_forces(span[0], clock);
-        let has_jitter = self.params.source.iter().any(|source| source.jitter > 0.0);
         let moves = partners.system.is_some() || self.body_acceleration() > 0.0 || self.tension.is_some();
-        if span[0] == 0.0 && (has_jitter || !moves) {
+        if span[0] == 0.0 && (self.params.has_jitter() || !moves) {
             self.relax(clock, &mut record, watch)?;
         }
         self.retain_from_frame(clock)?;

@@ -175,6 +175,11 @@ impl LiquidParams {
         without
     }
 
+    /// Whether particles of a source are displaced from their seeding lattice.
+    pub(super) fn has_jitter(&self) -> bool {
+        self.source.iter().any(|source| source.jitter > 0.0)
+    }
+
     /// Whether a source or an emitter has its own viscosity.
     pub(super) fn has_viscosity_by_source(&self) -> bool {
         self.each_viscosity().any(|viscosity| viscosity.is_some())

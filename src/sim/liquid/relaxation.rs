@@ -19,8 +19,9 @@ impl Liquid {
         record: &mut LiquidRecord,
         watch: &mut dyn Watch,
     ) -> Result<(), Stop> {
-        if self.params.target().is_none() || self.params.kernel != Kernel::Wendland {
-            return Ok(()); // as in the paper; its kernels are never at rest
+        let is_of_paper = self.params.target().is_none() || self.params.kernel != Kernel::Wendland;
+        if is_of_paper && !self.params.has_jitter() {
+            return Ok(()); // its kernels are never at rest
         }
         if self.x.is_empty() {
             return Ok(());
