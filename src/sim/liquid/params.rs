@@ -409,7 +409,7 @@ pub struct LiquidSource {
     #[serde(default)]
     pub velocity: [f32; 3],
     /// Largest random displacement of the particles from the seeding lattice along each axis, in spacings [1]. Splashes otherwise have the
-    /// symmetry of the seeding lattice: a crown has that of a square. 0.25 removes it, if the drop and the pool have it. Before the first substep
+    /// symmetry of the seeding lattice: a crown has that of a square. 0.25 removes most of it, if the drop and the pool have it. Before the first substep
     /// the density is corrected, in up to sixty iterations, which makes the source larger: by 1.0 % at 0.25 and 1.3 % at 0.5.
     /// Weight and tension close that within a few frames; weightless liquid without tension keeps it. Range: 0 to 0.5.
     #[serde(default, skip_serializing_if = "defaults::is_zero")]

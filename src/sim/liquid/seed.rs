@@ -242,7 +242,7 @@ fn contains(shape: &Shape, x: Vec3) -> bool {
     }
 }
 
-/// Whether any point is in the shape.
+/// Whether a point off the seeding lattice is in the shape. Of a box, [`contains`] leaves rounding out.
 fn is_inside(shape: &Shape, x: Vec3) -> bool {
     match shape {
         Shape::Box { .. } => shape.signed_distance(x) <= 0.0,
@@ -337,7 +337,6 @@ mod tests {
         };
         let close = pool.iter().filter(|x| nearest(x) < 0.85).count();
         let closest = pool.iter().map(nearest).fold(f32::MAX, f32::min);
-        println!("{close} of {first}, {closest} spacings at least");
         assert!(close < first / 20 && closest > 0.5, "{close} of {first}, {closest} spacings at least");
         for x in pool {
             assert!(x.iter().all(|&c| c > 0.0097) && x.x < 0.1903 && x.y < 0.1903 && x.z <= 0.1001, "{x}");

@@ -524,14 +524,12 @@ mod tests {
     }
 
     #[test]
-    fn panels_move_with_a_mesh_and_are_bounded() {
+    fn panels_move_with_a_mesh() {
         // A bar that becomes four times as long, in wind of which the panels keep out most at each length.
         let bar = mesh(&[0.0, 1.0], |x, t| x.component_mul(&Vec3::new(0.3 + 0.9 * t as f32, 0.3, 0.3)));
         let walls = Walls::new(&[bar], 0.02).unwrap();
         let counts = [0.0, 0.5, 1.0].map(|time| walls.placed(time).len());
-        let limit = super::super::widths::MAX_PANELS;
         assert!(counts[0] > 300 && counts[0] < counts[1] && counts[1] < counts[2], "{counts:?}");
-        assert!(counts[2] as f32 <= limit as f32 * MAX_PANEL_RATIO, "{counts:?}");
         // Those of a mesh that only moves keep their places on it.
         let gliding = mesh(&[0.0, 1.0], |x, t| x * 0.4 + Vec3::new(0.7, 0.0, 0.3) * t as f32);
         let walls = Walls::new(&[gliding], 0.08).unwrap();

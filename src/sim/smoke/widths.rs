@@ -6,15 +6,15 @@
 //!
 //! A mesh whose vertices move may have a quarter and eight panels more at a time than at its largest area (`body.rs`).
 //!
-//! Limits: panels are at least one spacing wide, where a solid is largest. A solid that would need panels wider than itself, as among some hundreds of others,
-//! has none.
+//! Limits: panels are at least one spacing wide, where a solid is largest. A solid that would need panels wider than itself, as among
+//! some hundreds of others, has none.
 
 use super::panels::{Panel, PanelGrid, SourceKind, longest, panels, with_sources};
 use crate::solid::Shape;
 
 /// Limit of panels of all solids at their largest: the matrix then takes 10 MB, and a solve up to 60 products with it. Where all are of one
 /// mesh whose vertices move, 16 MB; of a hundred such meshes, 31 MB.
-pub(super) const MAX_PANELS: usize = 1600;
+const MAX_PANELS: usize = 1600;
 
 /// Panels of the first attempt over the limit. Smaller, and the attempt may be coarser than necessary; larger, and large solids take
 /// time and memory for panels that are thrown away.
