@@ -3,6 +3,7 @@
 /// Every built-in preset: its name and its text.
 pub fn all() -> &'static [(&'static str, &'static str)] {
     &[
+        ("balls-in-cloth", include_str!("../../presets/balls-in-cloth.toml")),
         ("cloth-over-ellipsoid", include_str!("../../presets/cloth-over-ellipsoid.toml")),
         ("colliding-rings", include_str!("../../presets/colliding-rings.toml")),
         ("crown-splash", include_str!("../../presets/crown-splash.toml")),

@@ -5,7 +5,7 @@ use super::{
     clock::{Clock, Seconds},
     coupling::{
         self, CoupledSheets, Coupling, CouplingRecord, ExternalForces, FrameWind, LiquidSheetCoupling,
-        PresentSystems, ResolvedCouplings, WindCoupling,
+        PresentSystems, ResolvedCouplings, WindCoupling, advance_bodies_and_sheets,
     },
     force::{ForceParams, Forces},
     liquid::{self, CoupledBodies, Liquid, LiquidParams, Partners},
@@ -173,7 +173,7 @@ impl Simulation {
     /// # Errors
     /// [`Stop`]; the state is then inside the frame and not to be continued from.
     pub fn advance(&mut self, frame_seconds: f64, watch: &mut dyn Watch) -> Result<FrameRecord, Stop> {
-        let has_bodies_alone = self.bodies.is_some() && self.liquid.is_none();
+        let has_bodies_alone = self.bodies.is_some() && self.liquid.is_none() && self.sheets.is_none();
         let systems = [self.liquid.is_some(), self.smoke.is_some(), self.sheets.is_some(), has_bodies_alone];
         let share = 1.0 / systems.into_iter().filter(|&is_present| is_present).count() as f64;
         let span = [self.time, frame_seconds];
@@ -200,7 +200,7 @@ impl Simulation {
         if let Some(bodies) = &mut self.bodies {
             bodies.begin_frame();
         }
-        let mut bodies = self.bodies.as_mut();
+        let (mut bodies, has_liquid) = (self.bodies.as_mut(), self.liquid.is_some());
         let floating = bodies.as_deref_mut().map(|bodies| bodies as &mut dyn CoupledBodies);
         match (&mut self.liquid, &mut self.sheets, &self.liquid_sheets) {
             (Some(liquid), Some(sheets), Some(coupling)) => {
@@ -218,16 +218,22 @@ impl Simulation {
                 }
                 if let Some(sheets) = sheets {
                     let (from, share) = next_part(share);
-                    let mut part = PartialProgress { watch, from, share };
-                    sheet_frame = Some(match external {
-                        Some(external) => advance_with_wind(sheets, external, span, &mut part)?,
-                        None => sheets.advance(self.time, frame_seconds, &mut part)?,
+                    let mut part = PartialProgress { watch: &mut *watch, from, share };
+                    sheet_frame = Some(match (external, bodies.as_deref_mut().filter(|_| !has_liquid)) {
+                        (Some(external), _) => advance_with_wind(sheets, external, span, &mut part)?,
+                        (None, Some(bodies)) => {
+                            let frame = advance_bodies_and_sheets(sheets, bodies, span, &mut part)?;
+                            record.bodies = Some(frame.bodies);
+                            record.coupling.get_or_insert_default().bodies = Some(frame.contact);
+                            (frame.sheets, frame.seconds)
+                        }
+                        (None, None) => sheets.advance(self.time, frame_seconds, &mut part)?,
                     });
                 }
             }
         }
 
-        if let Some(bodies) = bodies {
+        if let (Some(bodies), None) = (bodies, &record.bodies) {
             record.bodies = Some(if self.liquid.is_some() {
                 bodies.end_frame(self.time + frame_seconds)?
             } else {
@@ -261,7 +267,11 @@ impl Simulation {
         let smoke = self.smoke.as_ref().map(smoke::System::passes).unwrap_or_default();
         let sheets = self.sheets.as_ref().map(Sheets::passes).unwrap_or_default();
         let coupling = coupling_passes(self.liquid_sheets.is_some(), self.wind.is_some());
-        let bodies = self.bodies.iter().filter(|_| self.liquid.is_none()).flat_map(|_| RigidBodies::passes());
+        let bodies = match (&self.bodies, &self.liquid, &self.sheets) {
+            (Some(_), None, None) => RigidBodies::passes(),
+            (Some(_), None, Some(_)) => coupling::BODY_PASSES.to_vec(),
+            _ => Vec::new(),
+        };
         liquid.into_iter().chain(smoke).chain(sheets).chain(bodies).chain(coupling).collect()
     }
 }
@@ -286,11 +296,11 @@ fn advance_coupled(
     let partners = Partners { system: Some(&mut coupled), bodies };
     let liquid = liquid.advance_with(partners, [start, seconds], &mut clock, watch)?;
     let CoupledSheets { sheets, mut sheet_record, record: contact, .. } = coupled;
-    clock.time("sheet_account", || sheets.end_frame(start + seconds, &mut sheet_record));
+    clock.time("sheet_account", || sheets.end_frame(start + seconds, &[], &mut sheet_record));
     Ok(FrameRecord {
         liquid: Some(liquid),
         sheets: Some(sheet_record),
-        coupling: Some(CouplingRecord { liquid: Some(contact), smoke: None }),
+        coupling: Some(CouplingRecord { liquid: Some(contact), ..CouplingRecord::default() }),
         seconds: clock.into_totals(),
         ..FrameRecord::default()
     })
@@ -312,7 +322,7 @@ fn advance_with_wind(
         sheets.advance_substep(now, dt, &mut clock, &mut record)?;
         Ok(dt)
     })?;
-    clock.time("sheet_account", || sheets.end_frame(start + seconds, &mut record));
+    clock.time("sheet_account", || sheets.end_frame(start + seconds, &[], &mut record));
     Ok((record, clock.into_totals()))
 }
 

@@ -111,6 +111,18 @@ pub(crate) struct BodyState {
     pub(crate) angular_velocity: Vec3,
 }
 
+/// The surface of a rigid body, as other systems touch it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BodySurface<'a> {
+    pub(crate) shape: &'a Shape,
+    /// All of the shape is within `reach` of `center` [m], in its own axes.
+    pub(crate) center: Vec3,
+    pub(crate) reach: f32,
+    pub(crate) inner_radius: f32,
+    /// Coefficient of friction.
+    pub(crate) friction: f32,
+}
+
 impl RigidBody {
     /// A body in that state; `None` if its inertia cannot be inverted.
     pub(crate) fn new(properties: MassProperties, state: &BodyState) -> Option<Self> {

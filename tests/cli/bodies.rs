@@ -83,6 +83,28 @@ fn bodies_without_liquid_fall_and_collide() {
 }
 
 #[test]
+fn a_body_falls_into_a_cloth_and_the_shot_reports_and_resumes_it() {
+    let desk = Desk::new();
+    let names = "balls-in-cloth --quality draft --set sheet.0.shape.grid.cells=[24,24]";
+    desk.run(&format!("simulate {names} --frames 1-12 -o whole --threads 1"), 0);
+    desk.run(&format!("simulate {names} --frames 1-10 -o parts"), 0);
+    desk.run(&format!("simulate {names} --frames 1-12 -o parts"), 0);
+    for frame in [10, 11, 12] {
+        let [whole, parts] = ["whole", "parts"]
+            .map(|shot| std::fs::read(desk.path(&format!("{shot}/cache/frame_{frame:04}.mcf"))).unwrap());
+        assert!(whole == parts, "frame {frame} of the resumed shot on other threads");
+    }
+    let (text, _) = desk.run("info whole --json", 0);
+    let info: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let found = &info["bodies_on_sheets"];
+    println!("{found}");
+    assert!(found["contacts"].as_u64() > Some(20) && found["penetration"].as_f64() < Some(0.1), "{info}");
+    assert!(info["bodies"]["max_speed"].as_f64() > Some(1.0), "{info}");
+    let (text, _) = desk.run("plan balls-in-cloth --quality draft --frames 1-3", 0);
+    assert!(text.contains("coupling_bodies"), "{text}");
+}
+
+#[test]
 fn faults_of_bodies_are_named_with_their_place() {
     let desk = Desk::new();
     let body = |from: &str, to: &str| {
@@ -124,6 +146,12 @@ fn faults_of_bodies_are_named_with_their_place() {
     desk.write("smoke.toml", format!("title = 't'\nframes = '1-2'\n{ring}{CRATE}"));
     let (_, talk) = desk.run("simulate smoke.toml", 2);
     assert!(talk.contains("`[[body]]` and `smoke` do not act on each other"), "{talk}");
+
+    let cloth = "[[sheet]]\nname = 'cloth'\ndensity = 0.3\nstiffness = [100, 100]\n\
+                 shape = { grid = { origin = [0, 0, 1], first = [1, 0, 0], second = [0, 1, 0], cells = [4, 4] } }\n";
+    desk.write("three.toml", format!("{SMALL}{CRATE}{cloth}"));
+    let (_, talk) = desk.run("simulate three.toml", 2);
+    assert!(talk.contains("not on both in one shot") && talk.contains("found all three"), "{talk}");
 
     // Bodies that start inside the tank's walls or each other are counted.
     desk.write("overlap.toml", format!("{SMALL}{CRATE}{}", CRATE.replacen("1.2, 0.4", "1.5, 0.4", 1)));

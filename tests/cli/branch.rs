@@ -130,6 +130,7 @@ fn what_cannot_change_in_the_middle_is_refused() {
         &["liquid.spacing: 0.1 in the folder, 0.2 now", "cannot change in the middle"],
     );
     refused("simulate small --from 3 --set fps=30 -o bad", &["fps: 24.0 in the folder, 30.0 now"]);
+    refused("simulate small --from 3 --set liquid.source.0.jitter=0.25 -o bad", &["liquid.source.0.jitter"]);
     refused(
         "simulate small --from 3 --set liquid.source.0.velocity=[1,0,0] -o bad",
         &["liquid.source.0.velocity"],

@@ -97,6 +97,9 @@ fn a_coupled_shot_logs_and_reports_contact() {
 #[test]
 fn mistakes_about_couplings_are_shown_with_their_place() {
     let desk = Desk::new();
+    desk.write("wrong.toml", small("[[liquid.source]]\n", "[[liquid.source]]\njitter = 0.2\n"));
+    let talk = desk.run("simulate wrong.toml -o wrong", 2).1;
+    assert!(talk.contains("`liquid.source.0.jitter` would displace particles through"), "{talk}");
     for (to, report) in [
         ("[\"liquid\", \"cloths\"]", "did you mean \"cloth\"?"),
         ("[\"smoke\", \"cloth\"]", "add a `[smoke]`"),

@@ -224,10 +224,10 @@ fn presets_as_written_keep_points_and_faces_out_of_solids() {
     let names = list.lines().filter_map(|line| line.split_whitespace().next());
     let has = |name: &str| {
         let (text, _) = desk.run(&format!("presets show {name}"), 0);
-        ["[[sheet]]", "[[world.collider]]", "[[coupling]]"]
+        ["[[sheet]]", "[[world.collider]]", "[[coupling]]", "[[body]]"]
             .map(|part| text.lines().any(|line| line.starts_with(part)))
     };
-    let meant: Vec<&str> = names.filter(|name| has(name) == [true, true, false]).collect();
+    let meant: Vec<&str> = names.filter(|name| has(name) == [true, true, false, false]).collect();
     assert!(meant.len() >= 5, "{meant:?}");
     // These take up to a minute as written and are left to the soak; their drafts are tested above and below.
     let is_long = |name: &str| ["falling-sheets", "cloth-over-ellipsoid", "tablecloth"].contains(&name);

@@ -13,6 +13,23 @@ pub struct CouplingRecord {
     /// Between smoke and sheets, if they are coupled.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub smoke: Option<WindRecord>,
+    /// Between rigid bodies and sheets, if there are both.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bodies: Option<BodySheetRecord>,
+}
+
+/// Contact between rigid bodies and sheets over a frame.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+#[non_exhaustive]
+pub struct BodySheetRecord {
+    /// Most contacts with an impulse in a substep, each of a point and a body.
+    pub contacts: u64,
+    /// Contact solves that reached their iteration limit, over all substeps. The next solve reduces the remaining error.
+    pub unconverged: u64,
+    /// Largest depth of a point in a body after the solves of a substep, over the body's inner radius. Such points are moved to the
+    /// surface without an impulse.
+    pub penetration: f64,
 }
 
 /// Contact between liquid and sheets over a frame.

@@ -5,8 +5,8 @@
 //! `micropolar`, `xsph`). The length of a time step follows a CFL rule. Predicted positions are projected out of the solids
 //! before the search, so that the lists hold a particle's neighbours at its final position. Under gravity the last correction is
 //! shortened so that the deviation ends at its target, which grows in the first substeps of a shot. A substep retains a part of the
-//! deviation that it starts with. Without gravity and tension the deviations of the seeded positions are corrected first. All of this is
-//! in docs/decisions/022.
+//! deviation that it starts with. Without gravity and tension, or with `jitter`, the deviations of the seeded positions are corrected first.
+//! All of this is in docs/decisions/022 and 044.
 //!
 //! Symbols: x_i → `x` [m]; v_i → `v` [m/s]; x* → `Solver::p` [m]; Δt → `dt` [s].
 //! Limits: first order in time; positions are single precision, so the motion loses digits far from the origin
@@ -230,8 +230,9 @@ impl Liquid {
         }
         self.check_state(0)?;
         self.sample_forces(span[0], clock);
-        let moves = partners.system.is_some() || self.body_acceleration() > 0.0 || self.tension.is_some();
-        if span[0] == 0.0 && (self.params.has_jitter() || !moves) {
+        let is_driven = self.body_acceleration() > 0.0 || self.tension.is_some();
+        let is_displaced = self.params.has_jitter() || !is_driven;
+        if span[0] == 0.0 && is_displaced && partners.system.is_none() {
             self.relax(clock, &mut record, watch)?;
         }
         self.retain_from_frame(clock)?;

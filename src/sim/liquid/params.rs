@@ -177,7 +177,7 @@ impl LiquidParams {
 
     /// Whether particles of a source are displaced from their seeding lattice.
     pub(super) fn has_jitter(&self) -> bool {
-        self.source.iter().any(|source| source.jitter > 0.0)
+        self.source.iter().any(|source| source.jitter.is_some())
     }
 
     /// Whether a source or an emitter has its own viscosity.
@@ -408,12 +408,13 @@ pub struct LiquidSource {
     /// Velocity at the start [m/s].
     #[serde(default)]
     pub velocity: [f32; 3],
-    /// Largest random displacement of the particles from the seeding lattice along each axis, in spacings [1]. Splashes otherwise have the
-    /// symmetry of the seeding lattice: a crown has that of a square. 0.25 removes most of it, if the drop and the pool have it. Before the first substep
-    /// the density is corrected, in up to sixty iterations, which makes the source larger: by 1.0 % at 0.25 and 1.3 % at 0.5.
-    /// Weight and tension close that within a few frames; weightless liquid without tension keeps it. Range: 0 to 0.5.
-    #[serde(default, skip_serializing_if = "defaults::is_zero")]
-    pub jitter: f32,
+    /// Largest random displacement of the particles from the seeding lattice along each axis, in spacings [1]; absent: none. Splashes then
+    /// have the symmetry of the seeding lattice: a crown has that of a square. 0.25 removes most of it, if the drop and the pool have it. Before the
+    /// first substep the density of all liquid is corrected, in up to sixty iterations, which makes the source larger, by a third of a
+    /// spacing across. Weight and tension close that within a few frames: deep liquid falls by it, and 50 spacings of it then move by
+    /// 0.1 m/s, 100 by 0.4. Free fall and weightless liquid keep it. Range: above 0, at most 0.5.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub jitter: Option<f32>,
     /// Dynamic viscosity of this source's liquid [Pa·s], which needs the table `liquid.viscosity`; absent: the table's `dynamic`.
     /// Liquids do not mix: each particle keeps its viscosity. The shear stress is continuous from one to another,
     /// so that the thinner one shears faster. Ratios below 1e-12 count as that.
@@ -428,11 +429,6 @@ pub struct LiquidSource {
 }
 
 mod defaults {
-    /// So that the settings of a shot without it, and with them its cached frames, remain those of before.
-    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes references")]
-    pub(super) fn is_zero(value: &f32) -> bool {
-        *value == 0.0
-    }
     pub(super) fn density() -> f32 {
         1000.0
     }

@@ -10,7 +10,7 @@
 use super::{
     LiquidParams,
     calibration::RestState,
-    jitter::displaced,
+    jitter::{Jitter, displaced},
     record::{EmptySource, LiquidSeeds},
     walls::Walls,
 };
@@ -58,9 +58,9 @@ pub(super) fn seed(params: &LiquidParams, rest: &RestState, walls: &Walls) -> Re
         return Err(SetupError::TooMany { count });
     }
     let mut seeds = Seeds::default();
+    let is_in_solid = |x| walls.distance(x) < MIN_SOLID_DISTANCE * rest.spacing;
     for (index, source) in params.source.iter().enumerate() {
         let earlier = CellGrid::new(&seeds.positions, rest.spacing);
-        let is_in_solid = |x| walls.distance(x) < MIN_SOLID_DISTANCE * rest.spacing;
         let overlaps = |x| {
             let mut near = false;
             earlier.for_each_within(&seeds.positions, x, MIN_SEPARATION * rest.spacing, |_, _| near = true);
@@ -79,10 +79,6 @@ pub(super) fn seed(params: &LiquidParams, rest: &RestState, walls: &Walls) -> Re
                 found.push(x);
             }
         }
-        if source.jitter > 0.0 {
-            let fits = |x| is_inside(&source.shape, x) && !is_in_solid(x) && !overlaps(x);
-            found = displaced(&found, index as u32, source.jitter, rest.spacing, fits);
-        }
         if found.is_empty() {
             seeds.report.empty_sources.push(EmptySource {
                 index: index as u32,
@@ -100,6 +96,17 @@ pub(super) fn seed(params: &LiquidParams, rest: &RestState, walls: &Walls) -> Re
         seeds.ends.push(seeds.positions.len() as u32);
     }
     seeds.report.particles = seeds.positions.len() as u32;
+    if params.has_jitter() {
+        let source_of = |i: usize| seeds.ends.partition_point(|&end| end as usize <= i);
+        let fits = |i, x| is_inside(&params.source[source_of(i)].shape, x) && !is_in_solid(x);
+        let jitter = |i| {
+            let source = source_of(i);
+            let first = source.checked_sub(1).map_or(0, |before| seeds.ends[before] as usize);
+            let amplitude = params.source[source].jitter?;
+            Some(Jitter { source: source as u32, number: (i - first) as u64, amplitude })
+        };
+        seeds.positions = displaced(&seeds.positions, rest.spacing, jitter, fits);
+    }
     Ok(seeds)
 }
 
@@ -242,7 +249,7 @@ fn contains(shape: &Shape, x: Vec3) -> bool {
     }
 }
 
-/// Whether a point off the seeding lattice is in the shape. Of a box, [`contains`] leaves rounding out.
+/// Whether an arbitrary point is in the shape; [`contains`] is of points of the seeding lattice.
 fn is_inside(shape: &Shape, x: Vec3) -> bool {
     match shape {
         Shape::Box { .. } => shape.signed_distance(x) <= 0.0,
@@ -317,7 +324,8 @@ mod tests {
             )
         };
         let tank = || vec![Shape::Tank { min: [0.0; 3], max: [0.2, 0.2, 1.0] }];
-        let [regular, displaced] = [[0.0; 2], [0.5, 0.2]].map(|jitter| seeds(&text(jitter), tank()).unwrap());
+        let regular = seeds(&text([0.5, 0.2]).replace("jitter", "#"), tank()).unwrap();
+        let displaced = seeds(&text([0.5, 0.2]), tank()).unwrap();
         assert_eq!((&regular.ends, &regular.report), (&displaced.ends, &displaced.report));
         let first = regular.ends[0] as usize;
         for (range, jitter) in [(0..first, 0.5_f32), (first..regular.positions.len(), 0.2)] {
@@ -343,7 +351,36 @@ mod tests {
         }
         for x in ball {
             assert!((x - Vec3::new(0.1, 0.1, 0.21)).norm() <= 0.1, "{x}");
-            assert!(pool.iter().all(|y| (x - y).norm() >= 0.9 * 0.0199), "{x}");
+            assert!(pool.iter().all(|y| (x - y).norm() >= 0.8 * 0.02), "{x}");
+        }
+    }
+
+    #[test]
+    fn sources_that_touch_keep_their_particles_and_their_places_without_jitter() {
+        let boxes = |jitter: [&str; 2]| {
+            let source = |k: usize| {
+                let [from, to] = [0.2 * k as f32, 0.2 * (k + 1) as f32];
+                format!(
+                    "[[source]]\n{}\nshape = {{ box = {{ min = [{from}, 0, 0], max = [{to}, 0.2, 0.2] }} }}\n",
+                    jitter[k]
+                )
+            };
+            seeds(&format!("spacing = 0.02\n{}{}", source(0), source(1)), vec![]).unwrap()
+        };
+        let regular = boxes(["", ""]);
+        let nearest = |x: &[Vec3], of: usize| {
+            let others = x.iter().enumerate().filter(|(k, _)| *k != of).map(|(_, y)| (x[of] - y).norm());
+            others.fold(f32::MAX, f32::min) / 0.02
+        };
+        for (jitter, still) in
+            [(["jitter = 0.5", "jitter = 0.25"], 2000..2000), (["jitter = 0.5", ""], 1000..2000)]
+        {
+            let displaced = boxes(jitter);
+            assert_eq!((displaced.positions.len(), &displaced.report), (2000, &regular.report), "{jitter:?}");
+            assert_eq!(displaced.positions[still.clone()], regular.positions[still], "{jitter:?}");
+            assert_ne!(displaced.positions[..1000], regular.positions[..1000]);
+            let close = (0..2000).filter(|&of| nearest(&displaced.positions, of) < 0.85).count();
+            assert!(close < 100, "{jitter:?}: {close} have a close neighbour, across the seam as well");
         }
     }
 

@@ -264,7 +264,7 @@ mod tests {
         for (at, far) in [(0.0, false), (800.0, false), (-900.0, true), (1e5, true)] {
             let shape = Shape::Box { min: [at, 0.0, 0.0], max: [at + 0.8, 0.8, 0.8] };
             let source =
-                LiquidSource { shape, velocity: [0.0; 3], jitter: 0.0, viscosity: None, color: None };
+                LiquidSource { shape, velocity: [0.0; 3], jitter: None, viscosity: None, color: None };
             let params = LiquidParams { source: vec![source], ..LiquidParams::new(0.1) };
             let world = World { gravity: Vec3::zeros(), solids: Vec::new() };
             let liquid = Liquid::seed(params, &world, (&[], &[]), Timeline::default());

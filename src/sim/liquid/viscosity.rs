@@ -375,7 +375,7 @@ mod tests {
         };
         let of_source = |viscosity| {
             let shape = Shape::Sphere { center: [0.0; 3], radius: 1.0 };
-            LiquidSource { shape, velocity: [0.0; 3], jitter: 0.0, viscosity, color: None }
+            LiquidSource { shape, velocity: [0.0; 3], jitter: None, viscosity, color: None }
         };
         let liquid = LiquidParams {
             density: 1.0,

@@ -1,8 +1,8 @@
 //! Rigid bodies: they fall, collide and float.
 //!
 //! *Method*: mass, inertia and motion in `solid/rigid_body.rs`; contacts by sequential impulses in `contact.rs`; pressure, surface tension and friction
-//! of a liquid, whose substeps the bodies share, in `liquid/rigid.rs`. See docs/decisions/034.
-//! Limits: first order in time. Force fields, smoke and sheets do not act on bodies, nor bodies on them.
+//! of a liquid, whose substeps the bodies share, in `liquid/rigid.rs`; contact with sheets, too, in `coupling/`. See docs/decisions/034.
+//! Limits: first order in time. Force fields and smoke do not act on bodies, nor bodies on smoke.
 
 mod contact;
 #[cfg(feature = "presets")]
@@ -23,7 +23,7 @@ use super::{
 use crate::{
     frame::{Stream, StreamKind},
     math::{Vec3, rotation::from_euler_angles},
-    solid::{BodyState, MassProperties, Pose, RigidBody, Solid},
+    solid::{BodyState, BodySurface, MassProperties, Pose, RigidBody, Solid},
 };
 use contact::{Contact, ITERATION_SWEEPS, Obstacle, Placed, START_SWEEPS, find, rebound, resolve, separate};
 use nalgebra::Vector3;
@@ -218,10 +218,7 @@ impl RigidBodies {
     ) -> Result<(BodyRecord, Seconds), Stop> {
         let mut clock = Clock::new(&[PASS]);
         advance_frame([start, seconds], watch, |progress, _| {
-            let wanted = (progress.left * self.substep_rate()).ceil();
-            let allowed = f64::from(MAX_SUBSTEPS.saturating_sub(self.record.substeps).max(1));
-            self.record.capped += u32::from(wanted > allowed);
-            let dt = progress.left / wanted.clamp(1.0, allowed);
+            let dt = progress.left / f64::from(self.substeps_left(progress.left, 0.0));
             clock.time(PASS, || {
                 self.start_substep(progress.now(), dt);
                 self.end_substep();
@@ -234,9 +231,32 @@ impl RigidBodies {
 
     /// Substeps a second without a liquid.
     fn substep_rate(&self) -> f64 {
-        let radius = self.obstacles.iter().map(|body| body.inner_radius).fold(f64::INFINITY, f64::min);
-        let length = LARGEST_MOTION * radius;
+        let length = LARGEST_MOTION * self.smallest_inner_radius();
         (1.0 / LONGEST_SUBSTEP).max(self.max_speed() / length)
+    }
+
+    /// Number of equal substeps of the `left` [s] of a frame in which neither bodies nor what moves at most at `speed` [m/s] go too far.
+    pub(super) fn substeps_left(&mut self, left: f64, speed: f64) -> u32 {
+        let length = LARGEST_MOTION * self.smallest_inner_radius();
+        let wanted = (left * self.substep_rate().max(speed / length)).ceil().max(1.0);
+        let allowed = f64::from(MAX_SUBSTEPS.saturating_sub(self.record.substeps).max(1));
+        self.record.capped += u32::from(wanted > allowed);
+        wanted.min(allowed) as u32
+    }
+
+    /// The surfaces of the bodies, and their states.
+    pub(super) fn surfaces(&self) -> (Vec<BodySurface<'_>>, &[RigidBody]) {
+        let surface = |obstacle| {
+            let obstacle: &Obstacle = obstacle;
+            let Obstacle { shape, center, reach, inner_radius, friction, .. } = obstacle;
+            let [inner_radius, friction] = [*inner_radius as f32, *friction as f32];
+            BodySurface { shape, center: *center, reach: *reach, inner_radius, friction }
+        };
+        (self.obstacles.iter().map(surface).collect(), &self.bodies)
+    }
+
+    fn smallest_inner_radius(&self) -> f64 {
+        self.obstacles.iter().map(|body| body.inner_radius).fold(f64::INFINITY, f64::min)
     }
 
     /// A copy in a substep of `dt` [s] from `now` [s], with its contacts.

@@ -5,6 +5,7 @@ use crate::{
     math::Vec3,
     par,
     sim::{Diverged, clock::Clock},
+    solid::{BodySurface, Pose},
 };
 
 impl Sheets {
@@ -68,10 +69,15 @@ impl Sheets {
         self.params.sheet.iter().map(|sheet| sheet.name.as_str()).collect()
     }
 
-    /// Completes the record of the frame that ends at `time` [s].
-    pub(in crate::sim) fn end_frame(&mut self, time: f64, record: &mut SheetRecord) {
+    /// Completes the record of the frame that ends at `time` [s] with rigid bodies there.
+    pub(in crate::sim) fn end_frame(
+        &mut self,
+        time: f64,
+        bodies: &[(BodySurface<'_>, Pose)],
+        record: &mut SheetRecord,
+    ) {
         self.end_contact(&mut Clock::new(&self.passes()), record);
-        self.complete_record(time, record);
+        self.complete_record(time, bodies, record);
     }
 
     /// The faces of a sheet as triangles of points of all sheets; quads are cut from their first corner.

@@ -114,16 +114,16 @@ impl FaceContacts {
 /// A substep of sheets that masses may push.
 #[derive(Debug)]
 pub(in crate::sim) struct CoupledSubstep {
-    now: f64,
-    dt: f64,
+    pub(super) now: f64,
+    pub(super) dt: f64,
     /// Positions at the start of the substep [m].
-    before: Vectors,
+    pub(super) before: Vectors,
     /// Positions at its end without contacts [m].
     without_contacts: Vectors,
     /// Λ [kg·m].
-    given: Vectors,
+    pub(super) given: Vectors,
     /// The largest squared norm of a right side in the substep.
-    right_norm: f64,
+    pub(super) right_norm: f64,
     /// Solves that reached their limit of iterations or sweeps.
     pub(in crate::sim) unconverged: u64,
     /// First guess Δx of the first solve.
@@ -346,7 +346,7 @@ impl Sheets {
     }
 
     /// x ← positions without contacts + Λ/m.
-    fn apply_impulses(&mut self, substep: &CoupledSubstep) {
+    pub(super) fn apply_impulses(&mut self, substep: &CoupledSubstep) {
         let Self { x, inverse, .. } = self;
         x.update(|at, axes| {
             let (without_contacts, given) = (substep.without_contacts.eight(at), substep.given.eight(at));
@@ -417,7 +417,7 @@ impl Sheets {
 
 /// Root of the increasing slope a + α b + s(α); `contact_slope` gives s and its derivative. Newton's method
 /// with bisection where it leaves the bracket of the root.
-fn line_search([a, b]: [f64; 2], contact_slope: impl Fn(f64) -> [f64; 2]) -> f64 {
+pub(super) fn line_search([a, b]: [f64; 2], contact_slope: impl Fn(f64) -> [f64; 2]) -> f64 {
     let (mut alpha, mut low, mut high) = (0.0, 0.0, f64::INFINITY);
     let mut first = None;
     for _ in 0..MAX_LINE_SEARCH_ITERATIONS {

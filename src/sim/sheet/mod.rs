@@ -11,6 +11,7 @@
 //! Limits: first order in time; positions are single precision, so the strain of a spring of 1 mm at 1 m from
 //! the origin is resolved to 6e-5.
 
+mod body_contacts;
 mod check;
 mod constraints;
 mod contact;
@@ -38,6 +39,7 @@ mod state;
 mod substep;
 mod vectors;
 
+pub(in crate::sim) use body_contacts::MAX_SOLVES;
 pub use check::check;
 pub use error::SheetError;
 pub(in crate::sim) use face_contacts::{CoupledSubstep, FaceContact, FaceContacts};
@@ -308,7 +310,7 @@ impl Sheets {
             Ok(dt)
         })?;
         self.end_contact(&mut clock, &mut record);
-        clock.time("sheet_account", || self.complete_record(start + seconds, &mut record));
+        clock.time("sheet_account", || self.complete_record(start + seconds, &[], &mut record));
         Ok((record, clock.into_totals()))
     }
 

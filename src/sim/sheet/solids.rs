@@ -40,7 +40,7 @@ const MAX_PROJECTION_PASSES: usize = 32;
 /// Distance outside a solid to which a point is projected, relative to its largest coordinate: the rounding
 /// error. Up to twice this distance it still is in contact. Otherwise it would slide without friction until
 /// it falls in again, and creep down a slope.
-const SKIN_FRACTION: f32 = 1e-6;
+pub(super) const SKIN_FRACTION: f32 = 1e-6;
 
 /// A solid at both ends of a substep.
 pub(super) struct PlacedSolid<'a> {
@@ -70,7 +70,13 @@ pub(super) fn place_solids<'a>(
     solids.iter().map(place).collect()
 }
 
-impl PlacedSolid<'_> {
+impl<'a> PlacedSolid<'a> {
+    /// A rigid shape at the poses at both ends, enlarged by a `clearance` [m].
+    pub(super) fn rigid(shape: &'a Shape, clearance: f32, poses: [Pose; 2]) -> Self {
+        let shapes = [Cow::Borrowed(shape), Cow::Borrowed(shape)];
+        Self { shapes, is_deforming: false, clearance, poses: Some(poses) }
+    }
+
     /// Distance from the solid's clearance, and normal, at one end of the substep.
     pub(super) fn contact(&self, x: Vec3, end: usize) -> (f32, Vec3) {
         self.contact_off(x, end, 1.0)
@@ -355,9 +361,8 @@ fn project_point(
     touched.then_some(was_inside)
 }
 
-/// Number of points inside solids at a time [s], without those that are held exactly.
-pub(super) fn count_inside(solids: &[Solid], time: f64, x: &Vectors, mobility: &[f32]) -> u64 {
-    let solids = place_solids(solids, 0.0, time, time);
+/// Number of points inside solids at the end of the substep, without those that are held exactly.
+pub(super) fn count_inside(solids: &[PlacedSolid<'_>], x: &Vectors, mobility: &[f32]) -> u64 {
     let count = |range: std::ops::Range<usize>| {
         range
             .filter(|&i| mobility[i] > 0.0 && solids.iter().any(|solid| solid.contact(x.get(i), 1).0 < 0.0))
@@ -366,16 +371,14 @@ pub(super) fn count_inside(solids: &[Solid], time: f64, x: &Vectors, mobility: &
     par::map_chunks(x.len(), par::CHUNK, count).into_iter().sum()
 }
 
-/// Number of faces inside solids at a time [s] by more than rounding, and their largest depth [m], tested at
+/// Number of faces inside solids at the end of the substep by more than rounding, and their largest depth [m], tested at
 /// the middles of edges and diagonals, and of triangles. `faces`: the faces of each sheet, and its first
 /// point. Faces with exactly held corners do not count, as pins move them.
 pub(super) fn cut_faces<'a>(
-    solids: &[Solid],
-    time: f64,
+    solids: &[PlacedSolid<'_>],
     (x, mobility): (&Vectors, &[f32]),
     faces: impl Iterator<Item = (&'a [[u32; 4]], u32)>,
 ) -> (u64, f64) {
-    let solids = place_solids(solids, 0.0, time, time);
     if solids.is_empty() {
         return (0, 0.0);
     }

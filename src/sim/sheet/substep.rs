@@ -7,7 +7,7 @@ use super::{
     implicit::{self, Matrix},
     overshoot, pins_and_joints,
     sliced_ellpack::SlicedEllpack,
-    solids::{self, RepulsionForce},
+    solids::{self, PlacedSolid, RepulsionForce},
     springs::{self, Blocks, ForceSum, LinearTerms, SpringForces},
     vectors::Vectors,
 };
@@ -15,6 +15,7 @@ use crate::{
     par,
     sim::{Diverged, clock::Clock},
     simd::LANES,
+    solid::{BodySurface, Pose},
 };
 
 impl Sheets {
@@ -325,8 +326,13 @@ impl Sheets {
         }
     }
 
-    /// Completes the record at the end of a frame, at `time` [s].
-    pub(super) fn complete_record(&self, time: f64, record: &mut SheetRecord) {
+    /// Completes the record at the end of a frame, at `time` [s], with rigid bodies there.
+    pub(super) fn complete_record(
+        &self,
+        time: f64,
+        bodies: &[(BodySurface<'_>, Pose)],
+        record: &mut SheetRecord,
+    ) {
         let mass = self.mass.as_flattened();
         let kinetic = |i: usize| 0.5 * f64::from(mass[i]) * self.v.get(i).cast::<f64>().norm_squared();
         let gravity = self.gravity.cast::<f64>();
@@ -346,9 +352,12 @@ impl Sheets {
             record.elastic_energy += par::sum(self.len(), |i| plate_energy(plates, &self.x, i));
         }
         let mobility = self.inverse.as_flattened();
-        record.inside_solids = solids::count_inside(&self.solids, time, &self.x, mobility);
+        let mut placed = solids::place_solids(&self.solids, 0.0, time, time);
+        placed
+            .extend(bodies.iter().map(|(surface, pose)| PlacedSolid::rigid(surface.shape, 0.0, [*pose; 2])));
+        record.inside_solids = solids::count_inside(&placed, &self.x, mobility);
         (record.cut_faces, record.cut_depth) =
-            solids::cut_faces(&self.solids, time, (&self.x, mobility), self.all_faces());
+            solids::cut_faces(&placed, (&self.x, mobility), self.all_faces());
     }
 }
 

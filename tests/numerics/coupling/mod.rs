@@ -1,5 +1,6 @@
 //! Couplings: conservation of momentum, no crossings, and independence of order, threads and restarts.
 
+mod bodies;
 mod combined;
 mod liquid;
 mod smoke;

@@ -20,7 +20,17 @@ pub(super) fn check_couplings(scene: &Scene, places: &Places, findings: &mut Vec
         smoke: scene.smoke.is_some(),
         sheets: scene.sheet.iter().map(|sheet| sheet.name.as_str()).collect(),
     };
-    if let Err(error) = coupling::resolve(&scene.coupling, &present) {
+    let resolved = coupling::resolve(&scene.coupling, &present);
+    if resolved.as_ref().is_ok_and(|resolved| !resolved.liquid.is_empty()) {
+        let sources = scene.liquid.iter().flat_map(|liquid| &liquid.source).enumerate();
+        for (index, _) in sources.filter(|(_, source)| source.jitter.is_some()) {
+            let key = format!("liquid.source.{index}.jitter");
+            let message = format!("`{key}` would displace particles through the coupled sheets");
+            let help = "remove `jitter`, or the coupling of the liquid with sheets";
+            findings.push(Finding::new(places.of(&key), &key, message, "found here").with_help(help));
+        }
+    }
+    if let Err(error) = resolved {
         let help = help(&error, &present);
         let key = error.key().to_owned();
         findings.push(Finding::new(places.of(&key), &key, error.to_string(), "found here").with_help(help));

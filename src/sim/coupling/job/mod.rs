@@ -22,7 +22,7 @@ impl System for Couplings {
     }
 
     fn is_present(&self, scene: &Scene) -> bool {
-        !scene.coupling.is_empty()
+        !scene.coupling.is_empty() || !scene.body.is_empty() && !scene.sheet.is_empty()
     }
 
     fn check(&self, scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {

@@ -51,6 +51,7 @@ impl System for Liquid {
             "liquid.channels",
             "liquid.source.*.shape",
             "liquid.source.*.velocity",
+            "liquid.source.*.jitter",
             "liquid.emitter.*.shape",
             "liquid.emitter.*.velocity",
             "liquid.emitter.*.direction",

@@ -25,14 +25,16 @@ pub(super) fn check(scene: &Scene, places: &Places, findings: &mut Vec<Finding>)
         report("body".into(), "there are too many bodies".into(), label, "remove some");
     }
     if !scene.body.is_empty() {
-        let unaffected = [("smoke", scene.smoke.is_some()), ("sheet", !scene.sheet.is_empty())];
-        for (key, _) in unaffected.iter().filter(|(_, is_present)| *is_present) {
-            report(
-                "body".into(),
-                format!("`[[body]]` and `{key}` do not act on each other"),
-                format!("found both, and bodies would pass through the `{key}`"),
-                "simulate them as two shots, or use a `[[world.collider]]` with keyframes in place of the body",
-            );
+        let help =
+            "simulate them as two shots, or use a `[[world.collider]]` with keyframes in place of the body";
+        if scene.smoke.is_some() {
+            let message = "`[[body]]` and `smoke` do not act on each other".into();
+            let label = "found both, and bodies would pass through the `smoke`".into();
+            report("body".into(), message, label, help);
+        }
+        if scene.liquid.is_some() && !scene.sheet.is_empty() {
+            let message = "`[[body]]` acts on `[liquid]` or on `[[sheet]]`, not on both in one shot".into();
+            report("body".into(), message, "found all three".into(), help);
         }
     }
     let mut more = Vec::new();

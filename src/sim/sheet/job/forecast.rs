@@ -56,14 +56,14 @@ pub(super) fn counts(points: u32) -> Vec<ElementCount> {
 /// Substeps, iterations, seconds and bytes of a frame.
 type FrameCosts = [f64; 4];
 
-/// Forecasts the sheets of a scene, without the systems that they are coupled with.
+/// Forecasts the sheets of a scene with its rigid bodies, without the systems that they are coupled with otherwise.
 ///
 /// # Errors
 /// As [`System::forecast`](crate::sim::system::System::forecast).
 pub(super) fn forecast(job: &ForecastJob) -> Result<SystemForecast, RunError> {
     let frames = job.simulated();
-    let Systems { sheets, forces, timeline, .. } = job.scene.systems();
-    let systems = Systems { sheets, forces, timeline, ..Systems::default() };
+    let Systems { sheets, bodies, forces, timeline, .. } = job.scene.systems();
+    let systems = Systems { sheets, bodies, forces, timeline, ..Systems::default() };
     let mut simulation = Simulation::new(job.scene.surroundings(), systems)?;
     let points = simulation.seeded().sheets.unwrap_or_default().points;
     let (mut costs, mut first_bytes): (Vec<FrameCosts>, f64) = (Vec::new(), 0.0);

@@ -1,0 +1,141 @@
+//! Contacts of points of sheets with rigid bodies, and the unknowns of their solve.
+
+use crate::{
+    math::Vec3,
+    sim::sheet::{implicit, vectors::Vectors},
+    solid::RigidBody,
+};
+use nalgebra::{Vector3, Vector6};
+
+/// A point of a sheet near a rigid body.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct BodyContact {
+    pub(super) point: usize,
+    /// Number of the point among the unknowns of a solve.
+    pub(super) slot: usize,
+    pub(super) body: usize,
+    /// Where the point is without contact [m].
+    pub(super) x: Vec3,
+    /// From the body's centre of mass to it [m].
+    pub(super) arm: Vector3<f64>,
+    /// Out of the body.
+    pub(super) normal: Vec3,
+    /// Distance beyond what is to be kept along the normal, and displacement relative to the body across it, both without contact [m].
+    pub(super) base: Vec3,
+    pub(super) friction: f32,
+    /// Stiffness of the contact while it is solved, as a mass [kg].
+    pub(super) stiffness: f32,
+    /// Λ, and the largest friction, which is that of the last solve [kg·m].
+    pub(super) push: Vec3,
+    pub(super) limit: f32,
+}
+
+/// Where a body is without contact of sheets: centre of mass [m] and angular velocity [rad/s].
+pub(super) type Free = [Vector3<f64>; 2];
+
+/// The contacts of a substep.
+#[derive(Debug)]
+pub(in crate::sim) struct BodyContacts {
+    pub(super) list: Vec<BodyContact>,
+    pub(super) free: Vec<Free>,
+    /// The largest change of Λ over the stiffness in the first solve [m].
+    pub(super) first_change: Option<f32>,
+    /// First guess of the first solve, and the displacements by all solves; of the implicit integrator.
+    pub(super) guess: Option<Unknowns>,
+    pub(super) solution: Option<Unknowns>,
+}
+
+impl BodyContacts {
+    /// Number of contacts with an impulse.
+    pub(in crate::sim) fn touching(&self) -> u64 {
+        self.list.iter().filter(|contact| contact.push != Vec3::zeros()).count() as u64
+    }
+
+    /// Starts from the solution of the last substep, which took `before` [s], for one of `dt` [s], as contacts often push as they did.
+    pub(in crate::sim) fn warm_start(&mut self, last: Self, before: f64, dt: f64) {
+        self.guess = last.solution;
+        if let Some(guess) = &mut self.guess {
+            guess.scale((dt / before).powi(2));
+        }
+    }
+}
+
+impl BodyContact {
+    /// Displacement of the point relative to the body since the contact was found, from which `base` counts [m].
+    pub(super) fn relative(&self, x: Vec3, body: &RigidBody, free: &Free, dt: f64) -> Vec3 {
+        let turned = (body.angular_velocity() - free[1]) * dt;
+        let moved = body.position() - free[0] + turned.cross(&self.arm);
+        self.base + (x - self.x) - moved.cast()
+    }
+
+    /// P(Λ − k y), where the relative displacement is `y`.
+    pub(super) fn force(&self, y: Vec3) -> Vec3 {
+        let wanted = self.push - y * self.stiffness;
+        let along = self.normal.dot(&wanted);
+        let across = wanted - self.normal * along;
+        let length = across.norm();
+        let held = if length > self.limit { across * (self.limit / length) } else { across };
+        self.normal * along.max(0.0) + held
+    }
+
+    /// k times the square of the part of `w` that changes the force at `y`.
+    pub(super) fn curvature(&self, y: Vec3, w: Vec3) -> f64 {
+        let wanted = self.push - y * self.stiffness;
+        let (along, step) = (self.normal.dot(&wanted), self.normal.dot(&w));
+        let (across, side) = (wanted - self.normal * along, w - self.normal * step);
+        let length = across.norm();
+        let normal = if along > 0.0 { step * step } else { 0.0 };
+        let tangential = if length > self.limit {
+            // The derivative of the projection to a disc.
+            self.limit / length * (side.norm_squared() - (side.dot(&across) / length).powi(2)).max(0.0)
+        } else {
+            side.norm_squared()
+        };
+        f64::from(self.stiffness * (normal + tangential))
+    }
+}
+
+/// Displacements of points [m], and of bodies with their rotations [m], [rad].
+#[derive(Debug)]
+pub(super) struct Unknowns {
+    pub(super) points: Vectors,
+    pub(super) bodies: Vec<Vector6<f64>>,
+}
+
+impl Unknowns {
+    pub(super) fn dot(&self, other: &Self) -> f64 {
+        let bodies = self.bodies.iter().zip(&other.bodies).map(|(a, b)| a.dot(b));
+        self.points.dot(&other.points) + bodies.sum::<f64>()
+    }
+
+    pub(super) fn scale(&mut self, by: f64) {
+        self.points.update(|_, axes| axes.into_iter().flatten().for_each(|value| *value *= by as f32));
+        self.bodies.iter_mut().for_each(|body| *body *= by);
+    }
+
+    /// f self + g other.
+    pub(super) fn combine(&mut self, f: f64, other: &Self, g: f64) {
+        implicit::combine(&mut self.points, f as f32, &other.points, g as f32);
+        self.bodies.iter_mut().zip(&other.bodies).for_each(|(a, b)| *a = *a * f + b * g);
+    }
+
+    /// Displacement of a contact's point relative to its body.
+    pub(super) fn relative(&self, contact: &BodyContact) -> Vec3 {
+        let body = &self.bodies[contact.body];
+        let [linear, angular] = [body.fixed_rows::<3>(0), body.fixed_rows::<3>(3)];
+        let moved: Vector3<f64> = linear + angular.cross(&contact.arm);
+        self.points.get(contact.slot) - moved.cast::<f32>()
+    }
+
+    /// Adds a force on a contact's point, and the opposite on its body.
+    pub(super) fn push(&mut self, contact: &BodyContact, force: Vec3) {
+        self.points.add(contact.slot, force);
+        self.bodies[contact.body] -= wrench(contact, force.cast());
+    }
+}
+
+/// Force and torque about the centre of mass of a force at a contact.
+pub(super) fn wrench(contact: &BodyContact, force: Vector3<f64>) -> Vector6<f64> {
+    let torque = contact.arm.cross(&force);
+    Vector6::new(force.x, force.y, force.z, torque.x, torque.y, torque.z)
+}

@@ -1,0 +1,127 @@
+//! Contact of sheets with rigid bodies, which move each other.
+//!
+//! *Method*: a contact is a point of a sheet near a body, found once a substep where both would be without contact. It keeps
+//! n·w ≥ −gap, with w the displacement of the point relative to the body and n the body's normal there, and Coulomb friction holds
+//! the point while it can. Both sides take the step together (`solve.rs`): A Δx = Σ Λ and M Δq = −Σ Jᵀ Λ, with A the sheet's own matrix
+//! for implicit Euler and its masses for symplectic Euler, and M the masses and inertias of the bodies. So neither side is unstable,
+//! however light it is. Bodies resolve their contacts with colliders and each other between the solves.
+//! *Departs from the paper*: [gudukbay97] has solids that nothing moves.
+//!
+//! Symbols: Λ → `push`, the impulse on the point times Δt [kg·m]; w → `relative` in `contact.rs`; J → `arm`.
+//! Limits: points keep out of bodies, as out of solids, but not the faces between them. Normals are constant in a substep. Contacts are
+//! inelastic. A body that presses a sheet onto a collider is held by the mass of the sheet there, and then by its own contact with the
+//! collider. `[sheets.repulsion]` is of colliders alone.
+
+mod contact;
+mod solve;
+
+pub(in crate::sim) use solve::MAX_SOLVES;
+
+use super::{
+    Sheets,
+    face_contacts::CoupledSubstep,
+    solids::{PlacedSolid, SKIN_FRACTION, place_solids},
+};
+use crate::{
+    math::Vec3,
+    par,
+    solid::{BodySurface, Pose, RigidBody},
+};
+use contact::{BodyContact, BodyContacts};
+use nalgebra::Vector3;
+
+/// Distance from a body, over its inner radius, within which a point without contact may get one in the same substep.
+const MARGIN: f32 = 0.1;
+
+impl Sheets {
+    /// Coefficient of friction with a body: as between bodies, √(μ₁ μ₂).
+    fn friction_with(&self, surface: &BodySurface<'_>) -> f32 {
+        (self.params.common.friction.unwrap_or(0.0) * surface.friction).sqrt()
+    }
+
+    /// Finds the points near `bodies` at the end of a substep of `dt` [s], which both sides have taken without contact.
+    pub(in crate::sim) fn find_body_contacts(
+        &self,
+        substep: &CoupledSubstep,
+        (surfaces, bodies): (&[BodySurface<'_>], &[RigidBody]),
+    ) -> BodyContacts {
+        let (clearance, dt) = (self.params.common.solid_clearance(), substep.dt);
+        let mobility = self.inverse.as_flattened();
+        let poses: Vec<[Pose; 2]> = bodies.iter().map(|body| [body.start_pose(), body.pose()]).collect();
+        let placed: Vec<_> = surfaces
+            .iter()
+            .zip(&poses)
+            .map(|(surface, poses)| PlacedSolid::rigid(surface.shape, clearance, *poses))
+            .collect();
+        let found = par::map_chunks(self.len(), par::CHUNK, |range| {
+            let mut found = Vec::new();
+            for point in range.filter(|&point| mobility[point] > 0.0) {
+                let (before, x) = (substep.before.get(point), self.x.get(point));
+                for (body, surface) in surfaces.iter().enumerate() {
+                    let margin = MARGIN * surface.inner_radius;
+                    let center = poses[body][1].to_world(surface.center);
+                    if (x - center).norm() > surface.reach + clearance + margin {
+                        continue;
+                    }
+                    let (gap, normal) = placed[body].contact(x, 1);
+                    if gap > margin {
+                        continue;
+                    }
+                    // Where a point starts inside, the velocity of leaving would be that of an explosion.
+                    let kept = placed[body].contact(before, 0).0.min(0.0);
+                    let rigid = &bodies[body];
+                    let arm: Vector3<f64> = x.cast() - rigid.position();
+                    let velocity = rigid.velocity() + rigid.angular_velocity().cross(&arm);
+                    let slip = (x - before) - (velocity * dt).cast::<f32>();
+                    let slip = slip - normal * normal.dot(&slip);
+                    found.push(BodyContact {
+                        point,
+                        slot: point,
+                        body,
+                        x,
+                        arm,
+                        normal,
+                        base: normal * (gap - kept) + slip,
+                        friction: self.friction_with(surface),
+                        stiffness: 0.0,
+                        push: Vec3::zeros(),
+                        limit: 0.0,
+                    });
+                }
+            }
+            found
+        });
+        let free = bodies.iter().map(|body| [body.position(), body.angular_velocity()]).collect();
+        BodyContacts { list: found.concat(), free, first_change: None, guess: None, solution: None }
+    }
+
+    /// Moves points that are still inside bodies to their surfaces, without a change of velocity and unless a collider is there.
+    /// Returns the largest depth, over the body's inner radius.
+    pub(in crate::sim) fn leave_bodies(
+        &mut self,
+        contacts: &BodyContacts,
+        (surfaces, bodies): (&[BodySurface<'_>], &[RigidBody]),
+        then: f64,
+    ) -> f32 {
+        let clearance = self.params.common.solid_clearance();
+        let placed: Vec<_> = surfaces
+            .iter()
+            .zip(bodies)
+            .map(|(surface, body)| {
+                PlacedSolid::rigid(surface.shape, clearance, [body.start_pose(), body.pose()])
+            })
+            .collect();
+        let solids = place_solids(&self.solids, clearance, then, then);
+        let mut deepest = 0.0_f32;
+        for contact in &contacts.list {
+            let x = self.x.get(contact.point);
+            let (gap, normal) = placed[contact.body].contact(x, 1);
+            deepest = deepest.max(-gap / surfaces[contact.body].inner_radius);
+            let moved = x + normal * (SKIN_FRACTION * (1.0 + x.amax()) - gap);
+            if gap < 0.0 && solids.iter().all(|solid| solid.contact(moved, 1).0 >= 0.0) {
+                self.x.set(contact.point, moved);
+            }
+        }
+        deepest
+    }
+}

@@ -1,0 +1,177 @@
+//! Rigid bodies and sheets in contact: momentum, rest, friction, and the same bytes every time.
+
+use super::*;
+use meniscus::sim::{coupling::BodySheetRecord, rigid::BodyParams};
+
+const INTEGRATORS: [&str; 2] = ["symplectic", "implicit"];
+
+/// A cloth of 0.8 m at the origin, and bodies.
+fn shot(gravity: [f32; 3], integrator: &str, terms: &str, bodies: Vec<BodyParams>) -> (World, Systems) {
+    let cloth = sheet("cloth", 0.8, 0.0, 16, &format!("density = 0.4\nshear = 100\n{terms}"));
+    let solver =
+        format!("[sheets]\nfriction = 0.5\n[sheets.solver]\nintegrator = '{integrator}'\nsubsteps = 16\n");
+    let world = World { gravity: gravity.into(), solids: Vec::new() };
+    (world, Systems { bodies, ..systems(&(cloth + &solver)) })
+}
+
+fn start((world, systems): (World, Systems)) -> Simulation {
+    Simulation::new(world, systems).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn ball(radius: f32, density: f32, position: [f32; 3], velocity: [f32; 3]) -> BodyParams {
+    let shape = Shape::Sphere { center: [0.0; 3], radius };
+    BodyParams { position, velocity, ..BodyParams::new(shape, density) }
+}
+
+fn contact(record: &FrameRecord) -> BodySheetRecord {
+    record.coupling.as_ref().and_then(|coupling| coupling.bodies.clone()).expect("they are coupled")
+}
+
+fn energy(record: &FrameRecord) -> f64 {
+    let (sheets, bodies) = (record.sheets.as_ref().unwrap(), record.bodies.as_ref().unwrap());
+    [sheets.kinetic_energy, sheets.elastic_energy, sheets.potential_energy].iter().sum::<f64>()
+        + bodies.kinetic_energy
+        + bodies.potential_energy
+}
+
+#[test]
+fn a_thrown_ball_and_a_free_cloth_exchange_momentum() {
+    let (radius, speed) = (0.1_f32, 2.0_f64);
+    let cloth = point_mass(0.8, 16, 0.4);
+    let volume = 4.0 / 3.0 * std::f64::consts::PI * f64::from(radius).powi(3);
+    for integrator in INTEGRATORS {
+        for ratio in [1e-3, 1.0, 1e3] {
+            let mass = ratio * 0.4 * 0.64;
+            let thrown = BodyParams {
+                angular_velocity: [0.0, 0.0, 500.0],
+                friction: 0.5,
+                ..ball(radius, (mass / volume) as f32, [0.1, 0.05, 0.12], [0.3, 0.0, -speed as f32])
+            };
+            let mut simulation = start(shot([0.0; 3], integrator, "stiffness = [300, 300]", vec![thrown]));
+            let of = |simulation: &Simulation| {
+                let frame = state(simulation);
+                let [p, l] = momenta(
+                    &cloth,
+                    &channel(&frame, "sheet.cloth", "position"),
+                    &channel(&frame, "sheet.cloth", "velocity"),
+                );
+                let [x, v, spin] = ["position", "velocity", "angular_velocity"]
+                    .map(|name| channel(&frame, "bodies", name)[0]);
+                let inertia = 0.4 * mass * f64::from(radius).powi(2);
+                ([p + v * mass, l + x.cross(&v) * mass + spin * inertia], v)
+            };
+            let ([p, l], _) = of(&simulation);
+            let records = advance(&mut simulation, 6);
+            let ([p_end, l_end], v) = of(&simulation);
+            let (off, turned) = ((p_end - p).norm() / p.norm(), (l_end - l).norm() / p.norm());
+            let touching = records.iter().map(|record| contact(record).contacts).max().unwrap();
+            let depth = records.iter().map(|record| contact(record).penetration).fold(0.0, f64::max);
+            println!(
+                "{integrator} {ratio}: momentum off by {off}, angular by {turned} m, {v:?}, {touching} contacts, {depth} m"
+            );
+            assert!(off < 1e-4 && turned < 2e-3, "{integrator}, ratio {ratio}: {off}, {turned}");
+            assert!(touching > 0 && depth < 0.02, "{integrator}, ratio {ratio}: {touching}, {depth}");
+            let energies: Vec<f64> = records.iter().map(energy).collect();
+            let first =
+                0.5 * mass * (speed * speed + 0.09) + 0.2 * mass * 0.01 * 500.0_f64.to_radians().powi(2);
+            println!("  {first}: {energies:?}");
+            assert!(
+                energies.iter().all(|e| *e < 1.001 * first),
+                "{integrator}, ratio {ratio}: {energies:?} of {first}"
+            );
+            match ratio {
+                1e-3 => assert!(v.z > -0.1 * speed, "a light ball stops: {v:?}"),
+                1.0 => assert!(v.z > -0.9 * speed, "{v:?}"),
+                _ => assert!(v.z < -0.99 * speed, "a heavy one takes the cloth with it: {v:?}"),
+            }
+        }
+    }
+}
+
+#[test]
+fn a_ball_rests_in_a_cloth_whatever_the_integrator() {
+    let pins = format!(
+        "stiffness = [500, 500]\nspring_damping = [0.005, 0.005]\npin = [{{ at = {{ points = {:?} }} }}]",
+        border(16)
+    );
+    let sags = INTEGRATORS.map(|integrator| {
+        let heavy = ball(0.1, 125.0, [0.0, 0.0, 0.06], [0.0; 3]);
+        let mut simulation = start(shot([0.0, 0.0, -9.81], integrator, &pins, vec![heavy]));
+        advance(&mut simulation, 48);
+        // It still swings: the place about which it does.
+        let (mut mean, frames) = (Double::zeros(), 24);
+        for _ in 0..frames {
+            let records = advance(&mut simulation, 1);
+            let found = contact(&records[0]);
+            assert!(
+                found.penetration < 0.01 && found.contacts > 3 && found.unconverged == 0,
+                "{integrator}: {found:?}"
+            );
+            mean += channel(&state(&simulation), "bodies", "position")[0] / f64::from(frames);
+        }
+        let v = channel(&state(&simulation), "bodies", "velocity")[0];
+        println!("{integrator}: at {mean:?} with {v:?}");
+        assert!(v.norm() < 0.3 && mean.xy().norm() < 0.01, "{integrator}: {mean:?}, {v:?}");
+        mean.z
+    });
+    assert!(sags[0] < 0.05 && (sags[0] - sags[1]).abs() < 0.003, "{sags:?}");
+}
+
+#[test]
+fn friction_holds_a_box_on_a_taut_slope() {
+    let pins = format!(
+        "stiffness = [2000, 2000]\nrest = [0.9, 0.9]\ndamping = 4\npin = [{{ at = {{ points = {:?} }} }}]",
+        border(16)
+    );
+    let slope = 20.0_f64.to_radians();
+    for integrator in INTEGRATORS {
+        for friction in [0.0_f32, 0.02, 0.98] {
+            let shape = Shape::Ellipsoid { center: [0.0; 3], radii: [0.1, 0.1, 0.03] };
+            let on = BodyParams { position: [-0.15, 0.0, 0.031], friction, ..BodyParams::new(shape, 200.0) };
+            let gravity = [9.81 * slope.sin() as f32, 0.0, -9.81 * slope.cos() as f32];
+            let mut simulation = start(shot(gravity, integrator, &pins, vec![on]));
+            advance(&mut simulation, 10);
+            let [x, v] = ["position", "velocity"].map(|name| channel(&state(&simulation), "bodies", name)[0]);
+            // √(0.5 μ): 0, 0.1, 0.7.
+            let mu = (0.5 * f64::from(friction)).sqrt();
+            let accelerated = 9.81 * (slope.sin() - mu * slope.cos()).max(0.0) * 10.0 * FRAME;
+            println!("{integrator}, {mu}: at {x:?} with {v:?}, {accelerated} m/s on a plane");
+            if friction > 0.5 {
+                assert!(v.x.abs() < 0.1 && (x.x + 0.15).abs() < 0.02, "{integrator}: it stays: {x:?} {v:?}");
+            } else {
+                assert!(
+                    (v.x / accelerated - 1.0).abs() < 0.1,
+                    "{integrator}, {mu}: {v:?}, not {accelerated}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn bodies_and_sheets_have_the_same_bytes_on_any_threads_and_resumed() {
+    for integrator in INTEGRATORS {
+        let scene = || {
+            let bodies = vec![
+                ball(0.1, 300.0, [0.0, 0.02, 0.15], [0.0, 0.0, -1.0]),
+                ball(0.08, 900.0, [0.1, 0.0, 0.4], [0.0, 0.0, -3.0]),
+            ];
+            shot([0.0, 0.0, -9.81], integrator, "stiffness = [500, 500]\npin = [{ at = 'corners' }]", bodies)
+        };
+        let run = || {
+            let mut simulation = start(scene());
+            advance(&mut simulation, 2);
+            let middle = state(&simulation);
+            let records = advance(&mut simulation, 3);
+            (middle, state(&simulation), records.iter().map(contact).collect::<Vec<_>>())
+        };
+        let (middle, end, records) = meniscus::par::with_threads(1, run);
+        assert!(records.iter().any(|record| record.contacts > 8), "they touch: {records:?}");
+        let two = meniscus::par::with_threads(2, run);
+        assert!(two.1 == end && two.2 == records, "{integrator}: 2 threads");
+        let (world, systems) = scene();
+        let mut resumed = Simulation::restore(world, systems, &middle).unwrap();
+        advance(&mut resumed, 3);
+        assert!(state(&resumed) == end, "{integrator}: resumed");
+    }
+}
