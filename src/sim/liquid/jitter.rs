@@ -1,6 +1,6 @@
 //! Random displacement of seeded particles from their seeding lattice.
 //!
-//! *Method*: particles are uniformly distributed in a cube around their lattice point. Then pairs closer than [`MIN_DISTANCE`] are separated by
+//! *Method*: particles are uniformly distributed in a cube around their place on the seeding lattice. Then pairs closer than [`MIN_DISTANCE`] are separated by
 //! Jacobi iterations, each particle by half of what is missing, or by all of it from one that is not displaced. Spheres of that diameter fill 45 %
 //! of the volume, which they do in disorder, so that nearly all pairs get their distance.
 //! *Departs from*: no paper is followed. Poisson disk sampling keeps pairs apart as well, but not the number of particles.
