@@ -125,6 +125,9 @@ impl Simulation {
         if let Some(sheets) = &mut self.sheets {
             sheets.set_forces(Forces::on("sheets", forces, timeline));
         }
+        if let Some(bodies) = &mut self.bodies {
+            bodies.set_forces(Forces::on("bodies", forces, timeline));
+        }
         self
     }
 

@@ -158,12 +158,7 @@ fn faults_of_bodies_are_named_with_their_place() {
     let (_, talk) = desk.run("simulate overlap.toml --frames 1", 0);
     assert!(talk.contains("2 bodies start inside a collider or another body"), "{talk}");
 
-    // What does not act is refused, unless the preset lists what it acts on, and so is what a file of poses cannot hold.
-    let wind = "[[force]]\nkind = { uniform = { acceleration = [1, 0, 0] } }\n";
-    desk.write("wind.toml", format!("{SMALL}{CRATE}{wind}"));
-    let (_, talk) = desk.run("simulate wind.toml --frames 1-2", 2);
-    assert!(talk.contains("`force.0` does not act on bodies"), "{talk}");
-    desk.run("simulate wind.toml --frames 1-2 --set force.0.systems=[\"liquid\"]", 0);
+    // What a file of poses cannot hold is refused.
     let alone = format!("title = 't'\nframes = '1'\n{}", CRATE.replacen("1.2, 0.4", "5e9, 0.4", 1));
     desk.write("far.toml", alone);
     desk.run("simulate far.toml", 0);

@@ -5,7 +5,12 @@ use meniscus::{
     frame::{Frame, FrameIndex, Stream},
     math::Vec3,
     par,
-    sim::{FrameRecord, Simulation, Systems, Unwatched, World, liquid::LiquidParams, rigid::BodyParams},
+    sim::{
+        FrameRecord, Simulation, Systems, Timeline, Unwatched, World,
+        force::{ForceKind, ForceParams},
+        liquid::LiquidParams,
+        rigid::BodyParams,
+    },
     solid::{Interpolation, Keyframe, Motion, Shape, Solid},
 };
 use nalgebra::Vector3;
@@ -385,4 +390,73 @@ fn a_moving_collider_pushes_a_body() {
     advance(&mut simulation, 36);
     let (x, v) = (bodies(&simulation, "position")[0].x, bodies(&simulation, "velocity")[0].x);
     assert!((x - 0.85).abs() < 0.005 && (v - 0.5).abs() < 1e-3, "{x} m, {v} m/s");
+}
+
+#[test]
+fn forces_move_bodies_as_they_move_particles() {
+    let space = || World { gravity: Vec3::zeros(), solids: Vec::new() };
+    let shot = |kind: ForceKind, bodies: Vec<BodyParams>| {
+        let forces = vec![ForceParams {
+            kind,
+            shape: None,
+            falloff: None,
+            strength_keyframes: Vec::new(),
+            keyframes: Vec::new(),
+            interpolation: Interpolation::Linear,
+            systems: Vec::new(),
+        }];
+        let timeline = Timeline { fps: 24.0, first: 1 };
+        let systems = Systems { bodies, forces, timeline, ..Systems::default() };
+        Simulation::new(space(), systems).expect("it starts")
+    };
+    let brick = || at(cuboid([0.1, 0.2, 0.15]), 500.0, [1.0, 0.0, 0.0]);
+    let joules = |record: &FrameRecord| record.bodies.as_ref().expect("there are bodies").kinetic_energy;
+    let work = |record: &FrameRecord| {
+        record.bodies.as_ref().and_then(|bodies| bodies.forces).expect("forces act").work
+    };
+
+    // Drag of any rate: velocity and spin decay as e^(−K t).
+    for rate in [3.0_f32, 1e5] {
+        let moving = BodyParams { velocity: [2.0, 0.0, 0.0], angular_velocity: [0.0, 0.0, 90.0], ..brick() };
+        let mut simulation = shot(ForceKind::Drag { rate, velocity: [0.0; 3] }, vec![moving]);
+        advance(&mut simulation, 12);
+        let [v, spin] = ["velocity", "angular_velocity"].map(|name| bodies(&simulation, name)[0]);
+        let left = (-0.5 * rate).exp();
+        let (found, turned) = (v.x / 2.0, spin.z / 90.0_f32.to_radians());
+        println!("drag {rate}: {found} and {turned} left of {left}");
+        assert!((found - left).abs() < 2e-3 && (turned - left).abs() < 0.02, "{found}, {turned}, {left}");
+    }
+
+    // Far inside the core the attraction is a spring: after half a period the body is on the other side.
+    let (strength, radius) = (4.0_f32, 20.0_f32);
+    let mut simulation =
+        shot(ForceKind::Point { center: [0.0; 3], strength, radius, power: 2.0 }, vec![brick()]);
+    let frames = (24.0 * std::f32::consts::PI * (radius / strength).sqrt()).round() as u32;
+    let (mut sum, mut energy) = (0.0, 0.0);
+    for _ in 0..frames {
+        let record = advance(&mut simulation, 1);
+        sum += work(&record);
+        energy = joules(&record);
+        assert!((sum - energy).abs() < 1e-3 * sum.max(1.0), "work {sum} J, {energy} J");
+    }
+    let x = bodies(&simulation, "position")[0];
+    println!("attraction: at {x:?} after half a period, with {energy} J of {sum} J");
+    assert!((x + Vec3::x()).norm() < 0.02, "{x:?}");
+
+    // A vortex in its core turns a body about its axis with s/R.
+    let mut simulation = shot(
+        ForceKind::Vortex { center: [1.0, 0.0, 0.0], axis: [0.0, 0.0, 1.0], strength, radius, power: 1.0 },
+        vec![brick()],
+    );
+    advance(&mut simulation, 24);
+    let spin = bodies(&simulation, "angular_velocity")[0];
+    println!("vortex: {spin:?}");
+    assert!((spin.z / (strength / radius) - 1.0).abs() < 0.05, "{spin:?}");
+
+    // What is too strong for the substeps that a frame has is limited, counted, and stays finite.
+    let strong = ForceKind::Uniform { acceleration: [0.0, 0.0, 1e6] };
+    let record = advance(&mut shot(strong, vec![brick()]), 1);
+    let found = record.bodies.expect("there are bodies");
+    println!("{found:?}");
+    assert!(found.max_speed.is_finite() && found.max_speed > 1e3, "{found:?}");
 }

@@ -27,7 +27,7 @@ pub struct ForceParams {
     /// How it moves from keyframe to keyframe.
     #[serde(default)]
     pub interpolation: Interpolation,
-    /// The systems on which it acts, "liquid" or "sheets"; empty: all that the preset has.
+    /// The systems on which it acts, "liquid", "sheets" or "bodies"; empty: all that the preset has.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub systems: Vec<String>,
 }

@@ -2,9 +2,10 @@
 //!
 //! *Method*: mass, inertia and motion in `solid/rigid_body.rs`; contacts by sequential impulses in `contact.rs`; pressure, surface tension and friction
 //! of a liquid, whose substeps the bodies share, in `liquid/rigid.rs`; contact with sheets, too, in `coupling/`. See docs/decisions/034.
-//! Limits: first order in time. Force fields and smoke do not act on bodies, nor bodies on smoke.
+//! Limits: first order in time. Smoke does not act on bodies, nor bodies on smoke.
 
 mod contact;
+mod forced;
 #[cfg(feature = "presets")]
 pub(crate) mod job;
 mod params;
@@ -17,6 +18,7 @@ pub use record::{BodyRecord, BodySeeds};
 use super::{
     Diverged, SetupError, Stop, Watch, World,
     clock::{Clock, Seconds},
+    force::ForceRecord,
     liquid::CoupledBodies,
     substep::advance_frame,
 };
@@ -26,6 +28,7 @@ use crate::{
     solid::{BodyState, BodySurface, MassProperties, Pose, RigidBody, Solid},
 };
 use contact::{Contact, ITERATION_SWEEPS, Obstacle, Placed, START_SWEEPS, find, rebound, resolve, separate};
+use forced::BodyForces;
 use nalgebra::Vector3;
 
 /// Name of the system and of its stream.
@@ -58,6 +61,8 @@ pub(super) struct RigidBodies {
     contacts: Vec<Contact>,
     /// The contacts before the last correction of the liquid.
     contacts_before: Vec<Contact>,
+    /// Force fields; `None`: there are none.
+    forces: Option<Box<BodyForces>>,
     /// The states at the last frame, as its stream has them.
     states: Vec<BodyState>,
     /// Length of the current substep [s].
@@ -139,6 +144,7 @@ impl RigidBodies {
             gravity: world.gravity.cast(),
             contacts: Vec::new(),
             contacts_before: Vec::new(),
+            forces: None,
             states,
             dt: 0.0,
             record: BodyRecord::default(),
@@ -178,6 +184,9 @@ impl RigidBodies {
     /// Starts a frame.
     pub(super) fn begin_frame(&mut self) {
         self.record = BodyRecord { bodies: self.bodies.len() as u32, ..BodyRecord::default() };
+        if let Some(forces) = &mut self.forces {
+            forces.record = ForceRecord::default();
+        }
     }
 
     /// Ends a frame at `now` [s] with the state in single precision that its stream has.
@@ -199,6 +208,7 @@ impl RigidBodies {
             }
         }
         let mut record = std::mem::take(&mut self.record);
+        record.forces = self.forces.as_ref().map(|forces| forces.record);
         record.kinetic_energy = self.bodies.iter().map(RigidBody::kinetic_energy).sum();
         record.potential_energy =
             self.bodies.iter().map(|body| -body.mass() * self.gravity.dot(&body.position())).sum();
@@ -218,7 +228,7 @@ impl RigidBodies {
     ) -> Result<(BodyRecord, Seconds), Stop> {
         let mut clock = Clock::new(&[PASS]);
         advance_frame([start, seconds], watch, |progress, _| {
-            let dt = progress.left / f64::from(self.substeps_left(progress.left, 0.0));
+            let dt = progress.left / f64::from(self.substeps_left([progress.now(), progress.left], 0.0));
             clock.time(PASS, || {
                 self.start_substep(progress.now(), dt);
                 self.end_substep();
@@ -235,10 +245,11 @@ impl RigidBodies {
         (1.0 / LONGEST_SUBSTEP).max(self.max_speed() / length)
     }
 
-    /// Number of equal substeps of the `left` [s] of a frame in which neither bodies nor what moves at most at `speed` [m/s] go too far.
-    pub(super) fn substeps_left(&mut self, left: f64, speed: f64) -> u32 {
+    /// Number of equal substeps of the `left` [s] of a frame from `now` [s] on in which neither bodies nor what moves at most at `speed` [m/s] go too far.
+    pub(super) fn substeps_left(&mut self, [now, left]: [f64; 2], speed: f64) -> u32 {
         let length = LARGEST_MOTION * self.smallest_inner_radius();
-        let wanted = (left * self.substep_rate().max(speed / length)).ceil().max(1.0);
+        let wanted =
+            (left * self.substep_rate().max(speed / length).max(self.forced_rate(now))).ceil().max(1.0);
         let allowed = f64::from(MAX_SUBSTEPS.saturating_sub(self.record.substeps).max(1));
         self.record.capped += u32::from(wanted > allowed);
         wanted.min(allowed) as u32
@@ -268,6 +279,7 @@ impl RigidBodies {
             colliders: self.colliders.clone(),
             contacts: Vec::new(),
             contacts_before: Vec::new(),
+            forces: None,
             states: Vec::new(),
             record: BodyRecord::default(),
             ..*self
@@ -344,9 +356,11 @@ impl CoupledBodies for RigidBodies {
 
     fn start_substep(&mut self, now: f64, dt: f64) {
         self.dt = dt;
+        let forced = self.forced_impulses([now, dt]);
         for body in &mut self.bodies {
             body.start_substep(dt, self.gravity);
         }
+        self.apply_forced(&forced);
         self.find_contacts(now, dt);
         separate(&mut self.contacts, &mut self.bodies);
         self.resolve(START_SWEEPS);

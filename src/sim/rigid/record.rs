@@ -1,5 +1,6 @@
 //! Records of rigid bodies: of their start and of a frame.
 
+use crate::sim::force::ForceRecord;
 use serde::{Deserialize, Serialize};
 
 /// Rigid bodies at the start of a shot.
@@ -33,4 +34,7 @@ pub struct BodyRecord {
     pub contacts: u64,
     /// Largest depth of a body in a collider or another body at the frame's end, over the smaller inner radius.
     pub penetration: f64,
+    /// Force fields; absent without any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub forces: Option<ForceRecord>,
 }

@@ -33,6 +33,10 @@ impl System for Bodies {
         !scene.body.is_empty()
     }
 
+    fn feels_forces(&self) -> bool {
+        true
+    }
+
     fn fixed_at_branches(&self) -> &'static [&'static str] {
         &["body.*.shape", "body.*.position", "body.*.rotation", "body.*.velocity", "body.*.angular_velocity"]
     }
@@ -79,6 +83,6 @@ impl System for Bodies {
     }
 
     fn totals(&self, frames: &[CachedFrame]) -> Vec<Total> {
-        report::totals(frames).into_iter().collect()
+        [report::totals(frames), report::force_totals(frames)].into_iter().flatten().collect()
     }
 }

@@ -3,6 +3,7 @@
 use crate::{
     job::{Total, nonzero},
     sim::{
+        force,
         rigid::{BodyRecord, BodySeeds},
         system::CachedFrame,
     },
@@ -38,7 +39,14 @@ pub(super) fn warnings(record: &BodyRecord, has_liquid: bool) -> Vec<String> {
         "substeps of rigid bodies longer than their speed allows (2000 a frame at most): bodies are thinner than they move in one",
     )]);
     found.extend((record.penetration > MAX_DEPTH).then_some(depth));
+    found.extend(force::report::warnings(record.forces.as_ref(), "the substeps of the liquid or sheets"));
     found
+}
+
+/// Work of forces over the logged frames.
+pub(super) fn force_totals(frames: &[CachedFrame]) -> Option<Total> {
+    let records = frames.iter().filter_map(|frame| frame.record.as_ref()?.bodies.as_ref()?.forces.as_ref());
+    force::report::total("forces_on_bodies", records)
 }
 
 /// Extremes over the logged frames.
