@@ -151,7 +151,14 @@ impl Simulation {
         SeedReport {
             liquid: self.liquid.as_ref().map(Liquid::seeded),
             smoke: self.smoke.as_ref().map(smoke::System::seeded),
-            sheets: self.sheets.as_ref().map(Sheets::seeded),
+            sheets: self.sheets.as_ref().map(|sheets| {
+                let inside = |bodies: &RigidBodies| {
+                    let (surfaces, states) = bodies.surfaces();
+                    sheets.count_inside_bodies((&surfaces, states))
+                };
+                let inside_bodies = self.bodies.as_ref().map_or(0, inside);
+                sheet::SheetSeeds { inside_bodies, ..sheets.seeded() }
+            }),
             bodies: self.bodies.as_ref().map(RigidBodies::seeded),
         }
     }

@@ -43,8 +43,9 @@ pub(in crate::sim) fn advance_bodies_and_sheets(
     let mut last = None;
     advance_frame([start, seconds], watch, |progress, _| {
         let (now, left) = (progress.now(), progress.left);
-        let own = sheets.substeps_left(now, left, seconds, record.substeps)?;
-        let count = bodies.substeps_left([now, left], sheets.max_speed()).max(own);
+        // The bodies may need more than `sheets.solver.max_substeps`.
+        let own = sheets.substeps_left(now, left, seconds, 0)?;
+        let count = bodies.substeps_left([now, left], (sheets.max_speed(), own));
         let dt = left / f64::from(count);
         clock.time(BODY_PASSES[0], || bodies.start_substep(now, dt));
         let mut substep = sheets.begin_coupled_substep(now, dt, &mut clock, &mut record)?;

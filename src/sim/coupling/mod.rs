@@ -2,7 +2,7 @@
 //! sheets (`wind.rs`), and two-way contact of rigid bodies and sheets (`body_sheet.rs`).
 //!
 //! The preset names both systems of a coupling; systems that are not coupled do not interact. The order of the names and of the
-//! couplings does not matter. Rigid bodies collide with whatever there is, and need no name.
+//! couplings does not matter. Rigid bodies collide with sheets as with colliders, without a `[[coupling]]`.
 
 mod body_sheet;
 mod contact;

@@ -231,8 +231,8 @@ impl Liquid {
         self.check_state(0)?;
         self.sample_forces(span[0], clock);
         let is_driven = self.body_acceleration() > 0.0 || self.tension.is_some();
-        let is_displaced = self.params.has_jitter() || !is_driven;
-        if span[0] == 0.0 && is_displaced && partners.system.is_none() {
+        let needs_relaxation = self.params.has_jitter() || !is_driven;
+        if span[0] == 0.0 && needs_relaxation && partners.system.is_none() {
             self.relax(clock, &mut record, watch)?;
         }
         self.retain_from_frame(clock)?;

@@ -410,8 +410,8 @@ pub struct LiquidSource {
     pub velocity: [f32; 3],
     /// Largest random displacement of the particles from the seeding lattice along each axis, in spacings [1]; absent: none. Splashes then
     /// have the symmetry of the seeding lattice: a crown has that of a square. 0.25 removes most of it, if the drop and the pool have it. Before the
-    /// first substep the density of all liquid is corrected, in up to sixty iterations, which makes the source larger, by a third of a
-    /// spacing across. Weight and tension close that within a few frames: deep liquid falls by it, and 50 spacings of it then move by
+    /// first substep the density of all liquid is corrected, in up to sixty iterations, which makes the source larger, by a tenth of a
+    /// spacing across. Weight and tension close that within a few frames: deep liquid falls by it, and 50 spacings of 2 cm then move by
     /// 0.1 m/s, 100 by 0.4. Free fall and weightless liquid keep it. Range: above 0, at most 0.5.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub jitter: Option<f32>,

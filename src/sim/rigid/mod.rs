@@ -228,7 +228,7 @@ impl RigidBodies {
     ) -> Result<(BodyRecord, Seconds), Stop> {
         let mut clock = Clock::new(&[PASS]);
         advance_frame([start, seconds], watch, |progress, _| {
-            let dt = progress.left / f64::from(self.substeps_left([progress.now(), progress.left], 0.0));
+            let dt = progress.left / f64::from(self.substeps_left([progress.now(), progress.left], (0.0, 1)));
             clock.time(PASS, || {
                 self.start_substep(progress.now(), dt);
                 self.end_substep();
@@ -245,14 +245,15 @@ impl RigidBodies {
         (1.0 / LONGEST_SUBSTEP).max(self.max_speed() / length)
     }
 
-    /// Number of equal substeps of the `left` [s] of a frame from `now` [s] on in which neither bodies nor what moves at most at `speed` [m/s] go too far.
-    pub(super) fn substeps_left(&mut self, [now, left]: [f64; 2], speed: f64) -> u32 {
+    /// Number of equal substeps of the `left` [s] of a frame from `now` [s] on in which neither bodies nor what
+    /// moves at most at `speed` [m/s] go too far; at least those that `others` need.
+    pub(super) fn substeps_left(&mut self, [now, left]: [f64; 2], (speed, others): (f64, u32)) -> u32 {
         let length = LARGEST_MOTION * self.smallest_inner_radius();
         let wanted =
             (left * self.substep_rate().max(speed / length).max(self.forced_rate(now))).ceil().max(1.0);
-        let allowed = f64::from(MAX_SUBSTEPS.saturating_sub(self.record.substeps).max(1));
-        self.record.capped += u32::from(wanted > allowed);
-        wanted.min(allowed) as u32
+        let allowed = MAX_SUBSTEPS.saturating_sub(self.record.substeps).max(1).max(others);
+        self.record.capped += u32::from(wanted > f64::from(allowed));
+        wanted.min(f64::from(allowed)).max(f64::from(others)) as u32
     }
 
     /// The surfaces of the bodies, and their states.

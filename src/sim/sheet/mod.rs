@@ -212,7 +212,7 @@ impl Sheets {
 
     /// What seeding did.
     pub(in crate::sim) fn seeded(&self) -> SheetSeeds {
-        SheetSeeds { points: self.len() as u32, crossings: self.crossings() }
+        SheetSeeds { points: self.len() as u32, crossings: self.crossings(), inside_bodies: 0 }
     }
 
     /// Points of all sheets.

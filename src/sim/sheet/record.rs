@@ -11,6 +11,8 @@ pub struct SheetSeeds {
     pub points: u32,
     /// Edges that go through faces of sheets; 0 without contact between sheets.
     pub crossings: u64,
+    /// Points inside rigid bodies.
+    pub inside_bodies: u64,
 }
 
 /// What happened to the sheets in a frame. The same on every run and for any thread count.

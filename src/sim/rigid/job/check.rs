@@ -32,6 +32,18 @@ pub(super) fn check(scene: &Scene, places: &Places, findings: &mut Vec<Finding>)
             let label = "found both, and bodies would pass through the `smoke`".into();
             report("body".into(), message, label, help);
         }
+        if !scene.sheet.is_empty() && scene.sheets.as_ref().is_some_and(|common| common.contact.is_some()) {
+            let message = "contact of sheets with each other does not know rigid bodies yet".into();
+            let label =
+                "found `[[body]]` with `[sheets.contact]`: layers under a body would pass through each other"
+                    .into();
+            report(
+                "sheets.contact".into(),
+                message,
+                label,
+                "remove `[sheets.contact]`, or use a `[[world.collider]]` with keyframes in place of the body",
+            );
+        }
         if scene.liquid.is_some() && !scene.sheet.is_empty() {
             let message = "`[[body]]` acts on `[liquid]` or on `[[sheet]]`, not on both in one shot".into();
             report("body".into(), message, "found all three".into(), help);

@@ -13,7 +13,8 @@ pub(super) struct BodyContact {
     pub(super) point: usize,
     /// Number of the point among the unknowns of a solve.
     pub(super) slot: usize,
-    pub(super) body: usize,
+    /// `None`: a collider behind a point that a body touches.
+    pub(super) body: Option<usize>,
     /// Where the point is without contact [m].
     pub(super) x: Vec3,
     /// From the body's centre of mass to it [m].
@@ -61,11 +62,41 @@ impl BodyContacts {
 }
 
 impl BodyContact {
+    /// A contact at the `gap` beyond what is to be kept and a displacement `slip`, both without contact.
+    pub(super) fn new(
+        point: usize,
+        body: Option<usize>,
+        x: Vec3,
+        (normal, gap, slip): (Vec3, f32, Vec3),
+        friction: f32,
+    ) -> Self {
+        Self {
+            point,
+            slot: point,
+            body,
+            x,
+            arm: Vector3::zeros(),
+            normal,
+            base: normal * gap + (slip - normal * normal.dot(&slip)),
+            friction,
+            stiffness: 0.0,
+            push: Vec3::zeros(),
+            limit: 0.0,
+        }
+    }
+
     /// Displacement of the point relative to the body since the contact was found, from which `base` counts [m].
-    pub(super) fn relative(&self, x: Vec3, body: &RigidBody, free: &Free, dt: f64) -> Vec3 {
-        let turned = (body.angular_velocity() - free[1]) * dt;
-        let moved = body.position() - free[0] + turned.cross(&self.arm);
-        self.base + (x - self.x) - moved.cast()
+    pub(super) fn relative(&self, x: Vec3, body: Option<(&RigidBody, &Free)>, dt: f64) -> Vec3 {
+        let moved = body.map_or_else(Vector3::zeros, |(body, free)| {
+            let turned = (body.angular_velocity() - free[1]) * dt;
+            body.position() - free[0] + turned.cross(&self.arm)
+        });
+        self.base + (x - self.x) - moved.cast::<f32>()
+    }
+
+    /// The part of [`Self::force`] along the normal, at least zero.
+    pub(super) fn normal_push(&self, y: Vec3) -> f32 {
+        self.normal.dot(&(self.push - y * self.stiffness)).max(0.0)
     }
 
     /// P(Λ − k y), where the relative displacement is `y`.
@@ -121,16 +152,19 @@ impl Unknowns {
 
     /// Displacement of a contact's point relative to its body.
     pub(super) fn relative(&self, contact: &BodyContact) -> Vec3 {
-        let body = &self.bodies[contact.body];
-        let [linear, angular] = [body.fixed_rows::<3>(0), body.fixed_rows::<3>(3)];
-        let moved: Vector3<f64> = linear + angular.cross(&contact.arm);
+        let moved: Vector3<f64> = contact.body.map_or_else(Vector3::zeros, |body| {
+            let body = &self.bodies[body];
+            body.fixed_rows::<3>(0) + body.fixed_rows::<3>(3).cross(&contact.arm)
+        });
         self.points.get(contact.slot) - moved.cast::<f32>()
     }
 
     /// Adds a force on a contact's point, and the opposite on its body.
     pub(super) fn push(&mut self, contact: &BodyContact, force: Vec3) {
         self.points.add(contact.slot, force);
-        self.bodies[contact.body] -= wrench(contact, force.cast());
+        if let Some(body) = contact.body {
+            self.bodies[body] -= wrench(contact, force.cast());
+        }
     }
 }
 

@@ -9,8 +9,7 @@
 //!
 //! Symbols: Λ → `push`, the impulse on the point times Δt [kg·m]; w → `relative` in `contact.rs`; J → `arm`.
 //! Limits: points keep out of bodies, as out of solids, but not the faces between them. Normals are constant in a substep. Contacts are
-//! inelastic. A body that presses a sheet onto a collider is held by the mass of the sheet there, and then by its own contact with the
-//! collider. `[sheets.repulsion]` is of colliders alone.
+//! inelastic. `[sheets.repulsion]` is of colliders alone.
 
 mod contact;
 mod solve;
@@ -20,10 +19,9 @@ pub(in crate::sim) use solve::MAX_SOLVES;
 use super::{
     Sheets,
     face_contacts::CoupledSubstep,
-    solids::{PlacedSolid, SKIN_FRACTION, place_solids},
+    solids::{PlacedSolid, SKIN_FRACTION, count_inside, place_solids},
 };
 use crate::{
-    math::Vec3,
     par,
     solid::{BodySurface, Pose, RigidBody},
 };
@@ -46,7 +44,7 @@ impl Sheets {
         (surfaces, bodies): (&[BodySurface<'_>], &[RigidBody]),
     ) -> BodyContacts {
         let (clearance, dt) = (self.params.common.solid_clearance(), substep.dt);
-        let mobility = self.inverse.as_flattened();
+        let colliders = place_solids(&self.solids, clearance, substep.now, substep.now + dt);
         let poses: Vec<[Pose; 2]> = bodies.iter().map(|body| [body.start_pose(), body.pose()]).collect();
         let placed: Vec<_> = surfaces
             .iter()
@@ -55,7 +53,8 @@ impl Sheets {
             .collect();
         let found = par::map_chunks(self.len(), par::CHUNK, |range| {
             let mut found = Vec::new();
-            for point in range.filter(|&point| mobility[point] > 0.0) {
+            for point in range {
+                let first = found.len();
                 let (before, x) = (substep.before.get(point), self.x.get(point));
                 for (body, surface) in surfaces.iter().enumerate() {
                     let margin = MARGIN * surface.inner_radius;
@@ -73,26 +72,46 @@ impl Sheets {
                     let arm: Vector3<f64> = x.cast() - rigid.position();
                     let velocity = rigid.velocity() + rigid.angular_velocity().cross(&arm);
                     let slip = (x - before) - (velocity * dt).cast::<f32>();
-                    let slip = slip - normal * normal.dot(&slip);
                     found.push(BodyContact {
-                        point,
-                        slot: point,
-                        body,
-                        x,
                         arm,
-                        normal,
-                        base: normal * (gap - kept) + slip,
-                        friction: self.friction_with(surface),
-                        stiffness: 0.0,
-                        push: Vec3::zeros(),
-                        limit: 0.0,
+                        ..BodyContact::new(
+                            point,
+                            Some(body),
+                            x,
+                            (normal, gap - kept, slip),
+                            self.friction_with(surface),
+                        )
                     });
+                }
+                // A collider behind the point bears what the body presses onto it.
+                let is_touched = found.len() > first;
+                for collider in colliders.iter().filter(|_| is_touched) {
+                    let (gap, normal) = collider.contact(x, 1);
+                    if gap < MARGIN * clearance.max(self.area[point].sqrt()) {
+                        let kept = collider.contact(before, 0).0.min(0.0);
+                        let slip = (x - before) - collider.displacement(x);
+                        let friction = self.params.common.friction.unwrap_or(0.0);
+                        found.push(BodyContact::new(point, None, x, (normal, gap - kept, slip), friction));
+                    }
                 }
             }
             found
         });
         let free = bodies.iter().map(|body| [body.position(), body.angular_velocity()]).collect();
         BodyContacts { list: found.concat(), free, first_change: None, guess: None, solution: None }
+    }
+
+    /// Number of points inside bodies.
+    pub(in crate::sim) fn count_inside_bodies(
+        &self,
+        (surfaces, bodies): (&[BodySurface<'_>], &[RigidBody]),
+    ) -> u64 {
+        let placed: Vec<_> = surfaces
+            .iter()
+            .zip(bodies)
+            .map(|(surface, body)| PlacedSolid::rigid(surface.shape, 0.0, [body.pose(); 2]))
+            .collect();
+        count_inside(&placed, &self.x, self.inverse.as_flattened())
     }
 
     /// Moves points that are still inside bodies to their surfaces, without a change of velocity and unless a collider is there.
@@ -113,12 +132,14 @@ impl Sheets {
             .collect();
         let solids = place_solids(&self.solids, clearance, then, then);
         let mut deepest = 0.0_f32;
-        for contact in &contacts.list {
+        for (contact, body) in contacts.list.iter().filter_map(|contact| Some((contact, contact.body?))) {
             let x = self.x.get(contact.point);
-            let (gap, normal) = placed[contact.body].contact(x, 1);
-            deepest = deepest.max(-gap / surfaces[contact.body].inner_radius);
+            let (gap, normal) = placed[body].contact(x, 1);
+            deepest = deepest.max(-gap / surfaces[body].inner_radius);
             let moved = x + normal * (SKIN_FRACTION * (1.0 + x.amax()) - gap);
-            if gap < 0.0 && solids.iter().all(|solid| solid.contact(moved, 1).0 >= 0.0) {
+            let is_free = self.mobility(contact.point) > 0.0
+                && solids.iter().all(|solid| solid.contact(moved, 1).0 >= 0.0);
+            if gap < 0.0 && is_free {
                 self.x.set(contact.point, moved);
             }
         }

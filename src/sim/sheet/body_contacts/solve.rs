@@ -1,6 +1,6 @@
 //! The common step of sheets and rigid bodies in contact.
 //!
-//! *Method*: augmented Lagrangian ([nocedal06] 17.3). A solve finds displacements Δx of points and Δq of bodies, on top of those by the Λ so
+//! *Method*: augmented Lagrangian ([nocedal06] 17.4). A solve finds displacements Δx of points and Δq of bodies, on top of those by the Λ so
 //! far, with A Δx = Σ (P(Λ − k y) − Λ) and M Δq = −Σ Jᵀ (P(Λ − k y) − Λ), where y is the relative displacement that is left after them. P
 //! projects to what contacts can do: the normal part to pushes, the part across to the friction that the last solve allows. P(Λ − k y) are the
 //! next Λ, and y decreases from solve to solve by the ratio of k to the masses. Both equations are the gradient of a convex function, as P
@@ -33,6 +33,12 @@ const MAX_CG_ITERATIONS: u32 = 200;
 pub(in crate::sim) const MAX_SOLVES: u32 = 8;
 const SOLVE_TOLERANCE: f32 = 1e-2;
 
+/// Tolerance and maximum number of iterations of the sheet's response to the impulses of a solve.
+const RESPONSE_SOLVE: (f64, u32) = (1e-5, 200);
+
+/// Displacement that is rounding [m]: less is no reason for another iteration.
+const ROUNDING: f32 = 1e-7;
+
 /// k over the diagonal of A at the point.
 const STIFFNESS: f32 = 4.0;
 
@@ -52,18 +58,18 @@ impl BodyMass {
 /// A: the sheet's own matrix, or the masses of the points in contact, which are all that move.
 enum SheetSide<'a> {
     Implicit(Matrix<'a>),
-    Symplectic(Vec<[f32; LANES]>),
+    Symplectic { mass: Vec<[f32; LANES]>, inverse: Vec<[f32; LANES]> },
 }
 
 /// A and the matrices of the bodies.
-struct System<'a> {
+struct Sides<'a> {
     sheet: SheetSide<'a>,
     masses: Vec<BodyMass>,
     /// Number of points.
     len: usize,
 }
 
-impl System<'_> {
+impl Sides<'_> {
     fn zeros(&self) -> Unknowns {
         Unknowns { points: Vectors::zeros(self.len), bodies: vec![Vector6::zeros(); self.masses.len()] }
     }
@@ -73,7 +79,7 @@ impl System<'_> {
             SheetSide::Implicit(matrix) => {
                 matrix.multiply(&p.points, &mut out.points);
             }
-            SheetSide::Symplectic(mass) => out.points.update(|at, axes| {
+            SheetSide::Symplectic { mass, .. } => out.points.update(|at, axes| {
                 for (axis, p) in axes.into_iter().zip(p.points.eight(at)) {
                     (0..LANES).for_each(|lane| axis[lane] = mass[at][lane] * p[lane]);
                 }
@@ -83,7 +89,7 @@ impl System<'_> {
         rows.for_each(|((out, p), BodyMass(mass))| *out = mass * p);
     }
 
-    /// What is left of both equations at the relative displacements `y`, with the `product` of A and M.
+    /// Residual of both equations at the relative displacements `y`, with the `product` of A and M.
     fn residual(&self, contacts: &[BodyContact], y: &[Vec3], product: &Unknowns) -> Unknowns {
         let mut out = self.zeros();
         for (contact, &y) in contacts.iter().zip(y) {
@@ -98,7 +104,7 @@ impl System<'_> {
     fn blocks(&self) -> Vec<Blocks> {
         match &self.sheet {
             SheetSide::Implicit(matrix) => matrix.diagonal(),
-            SheetSide::Symplectic(mass) => {
+            SheetSide::Symplectic { mass, .. } => {
                 mass.iter().map(|&m| [m, m, m, [0.0; LANES], [0.0; LANES], [0.0; LANES]]).collect()
             }
         }
@@ -106,8 +112,13 @@ impl System<'_> {
 
     /// Projects to the motions that pins and exact joints allow.
     fn filter(&self, out: &mut Vectors) {
-        if let SheetSide::Implicit(matrix) = &self.sheet {
-            matrix.filter(out);
+        match &self.sheet {
+            SheetSide::Implicit(matrix) => matrix.filter(out),
+            SheetSide::Symplectic { inverse, .. } => out.update(|at, axes| {
+                for axis in axes {
+                    (0..LANES).filter(|&lane| inverse[at][lane] == 0.0).for_each(|lane| axis[lane] = 0.0);
+                }
+            }),
         }
     }
 }
@@ -129,7 +140,9 @@ impl Preconditioner {
             let mut act = |direction: Vec3| {
                 implicit::add_along(&mut blocks, contact.slot, k, direction);
                 let lever = wrench(contact, direction.cast());
-                bodies[contact.body] += lever * lever.transpose() * f64::from(k);
+                if let Some(body) = contact.body {
+                    bodies[body] += lever * lever.transpose() * f64::from(k);
+                }
             };
             act(n);
             if contact.limit > 0.0 {
@@ -145,7 +158,7 @@ impl Preconditioner {
     }
 
     /// Applies it to `r`, and returns the squared norm.
-    fn norm(&self, system: &System<'_>, r: &Unknowns, z: &mut Unknowns) -> f64 {
+    fn norm(&self, system: &Sides<'_>, r: &Unknowns, z: &mut Unknowns) -> f64 {
         implicit::precondition(&self.points, &r.points, &mut z.points);
         system.filter(&mut z.points);
         let rows = z.bodies.iter_mut().zip(&r.bodies).zip(&self.bodies);
@@ -164,8 +177,8 @@ impl Sheets {
     ) -> bool {
         let dt = substep.dt;
         let present = |contact: &BodyContact| {
-            let body = contact.body;
-            contact.relative(self.x.get(contact.point), &bodies[body], &contacts.free[body], dt)
+            let body = contact.body.map(|body| (&bodies[body], &contacts.free[body]));
+            contact.relative(self.x.get(contact.point), body, dt)
         };
         let mut y: Vec<Vec3> = contacts.list.iter().map(present).collect();
         let acts = |(contact, y): (&BodyContact, &Vec3)| {
@@ -179,15 +192,17 @@ impl Sheets {
         let (mut largest, mut wrenches) = (0.0_f32, vec![Vector6::zeros(); bodies.len()]);
         for (contact, &y) in contacts.list.iter_mut().zip(&y) {
             let next = contact.force(y);
-            let more = next - contact.push;
-            substep.given.add(contact.point, more);
-            wrenches[contact.body] -= wrench(contact, more.cast());
-            largest = largest.max(more.norm() / contact.stiffness);
+            let impulse_change = next - contact.push;
+            substep.given.add(contact.point, impulse_change);
+            if let Some(body) = contact.body {
+                wrenches[body] -= wrench(contact, impulse_change.cast());
+            }
+            largest = largest.max(impulse_change.norm() / contact.stiffness);
+            contact.limit = contact.friction * contact.normal_push(y);
             contact.push = next;
-            contact.limit = contact.friction * contact.normal.dot(&next);
         }
         if is_implicit {
-            implicit::combine(&mut self.x, 1.0, &change.points, 1.0);
+            self.respond(substep, &change.points);
             match &mut contacts.solution {
                 Some(solution) => solution.combine(1.0, &change, 1.0),
                 none => *none = Some(change),
@@ -202,7 +217,23 @@ impl Sheets {
         // Friction is first known after the first solve.
         let is_first = contacts.first_change.is_none();
         let first = *contacts.first_change.get_or_insert(largest);
-        is_first || largest > SOLVE_TOLERANCE * first
+        largest > ROUNDING && (is_first || largest > SOLVE_TOLERANCE * first)
+    }
+
+    /// Moves points to where the impulses so far lead with the implicit integrator, from the first guess of a further `change`. What the
+    /// minimum leaves of its residual is small in forces and not in displacements: soft sheets give way to it.
+    fn respond(&mut self, substep: &CoupledSubstep, change: &Vectors) {
+        let CoupledSubstep { now, dt, before, without_contacts, given, .. } = substep;
+        let by = 1.0 / *dt as f32;
+        let mut velocity = self.x.clone();
+        implicit::combine(&mut velocity, by, without_contacts, -by);
+        implicit::combine(&mut velocity, 1.0, change, by);
+        let mut right = given.clone();
+        implicit::combine(&mut right, by, given, 0.0);
+        let matrix = self.matrix(before, self.pin_blocks(*now, *dt), *now, *dt);
+        matrix.solve(&right, &mut velocity, RESPONSE_SOLVE.0, RESPONSE_SOLVE.1);
+        self.x = without_contacts.clone();
+        implicit::combine(&mut self.x, 1.0, &velocity, *dt as f32);
     }
 
     /// The matrices of both sides, with the number of the unknowns of each contact's point.
@@ -212,12 +243,12 @@ impl Sheets {
         before: &'a Vectors,
         contacts: &mut BodyContacts,
         bodies: &[RigidBody],
-    ) -> System<'a> {
+    ) -> Sides<'a> {
         let masses = bodies.iter().map(BodyMass::new).collect();
         if self.params.common.solver.integrator == Integrator::Implicit {
             contacts.list.iter_mut().for_each(|contact| contact.slot = contact.point);
             let matrix = self.matrix(before, self.pin_blocks(now, dt), now, dt);
-            return System { sheet: SheetSide::Implicit(matrix), masses, len: self.len() };
+            return Sides { sheet: SheetSide::Implicit(matrix), masses, len: self.len() };
         }
         // Contacts ascend by point.
         let mut points: Vec<usize> = Vec::new();
@@ -227,13 +258,17 @@ impl Sheets {
             }
             contact.slot = points.len() - 1;
         }
-        let mass = |eight: &[usize]| {
-            let mut out = [1.0; LANES];
-            eight.iter().zip(&mut out).for_each(|(&point, out)| *out = self.mass(point));
-            out
+        let eights = |of: &dyn Fn(usize) -> f32, filler: f32| {
+            let eight = |eight: &[usize]| {
+                let mut out = [filler; LANES];
+                eight.iter().zip(&mut out).for_each(|(&point, out)| *out = of(point));
+                out
+            };
+            points.chunks(LANES).map(eight).collect()
         };
-        let sheet = SheetSide::Symplectic(points.chunks(LANES).map(mass).collect());
-        System { sheet, masses, len: points.len() }
+        let mass = eights(&|point| self.mass(point), 1.0);
+        let sheet = SheetSide::Symplectic { mass, inverse: eights(&|point| self.mobility(point), 0.0) };
+        Sides { sheet, masses, len: points.len() }
     }
 
     /// The displacements of the minimum, with the relative displacements there in `y`.
@@ -256,6 +291,8 @@ impl Sheets {
         let preconditioner = Preconditioner::new(blocks, &system.masses, list, y);
         let [mut change, mut product_change, mut preconditioned, mut direction, mut product] =
             std::array::from_fn(|_| system.zeros());
+        let rounding = list.iter().map(|contact| f64::from(contact.stiffness)).sum::<f64>()
+            * f64::from(ROUNDING).powi(2);
         let mut steps = vec![Vec3::zeros(); list.len()];
         let mut last: Option<(Unknowns, f64)> = None;
         let mut residual = system.residual(list, y, &product_change);
@@ -279,7 +316,7 @@ impl Sheets {
                 residual = system.residual(list, y, &product_change);
             }
             let norm = preconditioner.norm(&system, &residual, &mut preconditioned);
-            if norm <= TOLERANCE * TOLERANCE * *right_norm {
+            if norm <= rounding.max(TOLERANCE * TOLERANCE * *right_norm) {
                 break;
             }
             if iterations == MAX_CG_ITERATIONS {

@@ -12,10 +12,16 @@ use serde_json::json;
 
 /// What is wrong with the sheets as seeded.
 pub(super) fn seeding_warnings(seeds: &SheetSeeds) -> Vec<String> {
-    nonzero(&[(
-        seeds.crossings,
-        "edges of sheets go through faces of sheets: these faces collide only after they have separated; move the sheets apart",
-    )])
+    nonzero(&[
+        (
+            seeds.crossings,
+            "edges of sheets go through faces of sheets: these faces collide only after they have separated; move the sheets apart",
+        ),
+        (
+            seeds.inside_bodies,
+            "points of sheets start inside rigid bodies, and are moved out at once, which stretches the sheets: move the bodies",
+        ),
+    ])
 }
 
 /// What a frame's progress line shows.
