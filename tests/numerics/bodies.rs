@@ -454,8 +454,8 @@ fn forces_move_bodies_as_they_move_particles() {
     assert!((spin.z / (strength / radius) - 1.0).abs() < 0.05, "{spin:?}");
 
     // What is too strong for the substeps that a frame has is limited, counted, and stays finite.
-    let strong = ForceKind::Uniform { acceleration: [0.0, 0.0, 1e6] };
-    let record = advance(&mut shot(strong, vec![brick()]), 1);
+    let excessive = ForceKind::Uniform { acceleration: [0.0, 0.0, 1e6] };
+    let record = advance(&mut shot(excessive, vec![brick()]), 1);
     let found = record.bodies.expect("there are bodies");
     println!("{found:?}");
     assert!(found.max_speed.is_finite() && found.max_speed > 1e3, "{found:?}");

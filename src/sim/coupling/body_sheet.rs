@@ -65,7 +65,7 @@ pub(in crate::sim) fn advance_bodies_and_sheets(
                 bodies.resolve_contacts();
             }
         });
-        if found.touching() > 0 {
+        if found.is_pushing() {
             sheets.end_coupled_substep(&mut substep, &mut clock, &mut record);
         }
         clock.time(BODY_PASSES[0], || bodies.end_substep());

@@ -23,6 +23,9 @@ pub(super) const START_SWEEPS: u32 = 30;
 const DEPTH_SWEEPS: u32 = 10;
 pub(super) const ITERATION_SWEEPS: u32 = 4;
 
+/// Largest motion in a substep, over the inner radius.
+const LARGEST_MOTION: f64 = 0.25;
+
 /// Part of the depth that a substep removes.
 const DEPTH_PART: f64 = 0.2;
 
@@ -60,6 +63,11 @@ impl Obstacle {
             restitution: f64::from(restitution),
             motion: None,
         }
+    }
+
+    /// Largest motion in a substep [m].
+    pub(super) fn largest_motion(&self) -> f64 {
+        LARGEST_MOTION * self.inner_radius
     }
 
     /// A collider, whose friction and restitution are those of the body that touches it. A tank is six planes, so that a ball in its

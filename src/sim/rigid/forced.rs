@@ -5,7 +5,7 @@
 //! its points, drag of any rate only slows it.
 //! Limits: the points resolve a shape by [`CELLS`] cells. First order in time.
 
-use super::{LARGEST_MOTION, RigidBodies};
+use super::contact::Obstacle;
 use crate::{
     math::Vec3,
     sim::force::{ChunkMaximum, ForceRecord, Forces, KickedSubstep},
@@ -52,42 +52,46 @@ fn filling_points(shape: &Shape) -> Vec<(Vec3, f64)> {
     points.iter().map(|(x, share)| (x - mean.cast::<f32>(), share / whole)).collect()
 }
 
-impl RigidBodies {
-    /// Sets the forces that act from now on.
-    pub(in crate::sim) fn set_forces(&mut self, forces: Option<Forces>) {
-        let points = || self.obstacles.iter().map(|body| filling_points(&body.shape)).collect();
-        let forces =
-            forces.map(|forces| BodyForces { forces, points: points(), record: ForceRecord::default() });
-        self.forces = forces.map(Box::new);
+impl BodyForces {
+    pub(super) fn new(forces: Forces, obstacles: &[Obstacle]) -> Self {
+        let points = obstacles.iter().map(|body| filling_points(&body.shape)).collect();
+        Self { forces, points, record: ForceRecord::default() }
     }
 
-    /// Rate of substeps from `now` [s] in which forces move no body by more than a part of its inner radius [1/s].
-    pub(super) fn forced_rate(&self, now: f64) -> f64 {
-        let Some(BodyForces { forces, .. }) = self.forces.as_deref() else { return 0.0 };
-        let snapshot = forces.at(now);
-        let rates = self.bodies.iter().zip(&self.obstacles).map(|(body, obstacle)| {
+    /// Rate of substeps from `now` [s] in which forces and `gravity` move no body farther than its largest motion [1/s].
+    pub(super) fn rate(
+        &self,
+        now: f64,
+        (bodies, obstacles): (&[RigidBody], &[Obstacle]),
+        gravity: &Vector3<f64>,
+    ) -> f64 {
+        let snapshot = self.forces.at(now);
+        let rates = bodies.iter().zip(obstacles).map(|(body, obstacle)| {
             let sample = snapshot.sample(body.position().cast());
             let v: Vec3 = body.velocity().cast();
             let slip = sample.target().map_or(0.0, |target| f64::from((target - v).norm()));
-            let steady = self.gravity.cast() + snapshot.uniform;
-            let length = LARGEST_MOTION * obstacle.inner_radius;
-            sample.substep_rate(v, steady, length, [body.velocity().norm(), slip])
+            let steady = gravity.cast() + snapshot.uniform;
+            sample.substep_rate(v, steady, obstacle.largest_motion(), [body.velocity().norm(), slip])
         });
         rates.fold(0.0, f64::max)
     }
 
-    /// Impulse and its moment about the centre of mass on each body in the substep from `now` of `dt` [s], without those of gravity.
-    pub(super) fn forced_impulses(&mut self, [now, dt]: [f64; 2]) -> Vec<[Vector3<f64>; 2]> {
-        let Self { forces: Some(forces), bodies, obstacles, gravity, .. } = self else { return Vec::new() };
-        let BodyForces { forces, points, record } = &mut **forces;
+    /// Impulse and its moment about the centre of mass on each body in the substep from `now` of `dt` [s], without those of `gravity`.
+    pub(super) fn impulses(
+        &mut self,
+        [now, dt]: [f64; 2],
+        (bodies, obstacles): (&[RigidBody], &[Obstacle]),
+        gravity: &Vector3<f64>,
+    ) -> Vec<[Vector3<f64>; 2]> {
+        let Self { forces, points, record } = self;
         let snapshot = forces.at(now);
         let (mut all, mut largest) = (Vec::new(), Vec::new());
-        for ((body, obstacle), points) in bodies.iter().zip(&*obstacles).zip(&*points) {
+        for ((body, obstacle), points) in bodies.iter().zip(obstacles).zip(&*points) {
             let substep = KickedSubstep {
                 uniform: snapshot.uniform,
                 gravity: gravity.cast(),
                 dt: dt as f32,
-                longest: (LARGEST_MOTION * obstacle.inner_radius) as f32,
+                longest: obstacle.largest_motion() as f32,
             };
             let turn = body.pose().rotation.cast::<f64>();
             let (mut sum, mut maximum) = ([Vector3::zeros(); 2], ChunkMaximum::default());
@@ -112,14 +116,13 @@ impl RigidBodies {
     }
 
     /// Applies these impulses, and adds their work to the record.
-    pub(super) fn apply_forced(&mut self, impulses: &[[Vector3<f64>; 2]]) {
-        let Some(forces) = &mut self.forces else { return };
-        for (body, [linear, angular]) in self.bodies.iter_mut().zip(impulses) {
+    pub(super) fn apply(&mut self, impulses: &[[Vector3<f64>; 2]], bodies: &mut [RigidBody]) {
+        for (body, [linear, angular]) in bodies.iter_mut().zip(impulses) {
             let before = [body.velocity(), body.angular_velocity()];
             body.apply(*linear, *angular);
             body.advance();
             let [v, omega] = [before[0] + body.velocity(), before[1] + body.angular_velocity()];
-            forces.record.work += 0.5 * (linear.dot(&v) + angular.dot(&omega));
+            self.record.work += 0.5 * (linear.dot(&v) + angular.dot(&omega));
         }
     }
 }

@@ -18,7 +18,7 @@ pub use record::{BodyRecord, BodySeeds};
 use super::{
     Diverged, SetupError, Stop, Watch, World,
     clock::{Clock, Seconds},
-    force::ForceRecord,
+    force::{ForceRecord, Forces},
     liquid::CoupledBodies,
     substep::advance_frame,
 };
@@ -37,9 +37,8 @@ pub const NAME: &str = "bodies";
 /// The pass of bodies without a liquid.
 const PASS: &str = "bodies";
 
-/// Longest substep without a liquid [s], and largest motion in one, over the smallest inner radius.
+/// Longest substep without a liquid [s].
 const LONGEST_SUBSTEP: f64 = 1.0 / 240.0;
-const LARGEST_MOTION: f64 = 0.25;
 
 /// Most substeps of a frame without a liquid.
 const MAX_SUBSTEPS: u32 = 2000;
@@ -241,16 +240,17 @@ impl RigidBodies {
 
     /// Substeps a second without a liquid.
     fn substep_rate(&self) -> f64 {
-        let length = LARGEST_MOTION * self.smallest_inner_radius();
+        let length = self.largest_motion();
         (1.0 / LONGEST_SUBSTEP).max(self.max_speed() / length)
     }
 
     /// Number of equal substeps of the `left` [s] of a frame from `now` [s] on in which neither bodies nor what
     /// moves at most at `speed` [m/s] go too far; at least those that `others` need.
     pub(super) fn substeps_left(&mut self, [now, left]: [f64; 2], (speed, others): (f64, u32)) -> u32 {
-        let length = LARGEST_MOTION * self.smallest_inner_radius();
-        let wanted =
-            (left * self.substep_rate().max(speed / length).max(self.forced_rate(now))).ceil().max(1.0);
+        let length = self.largest_motion();
+        let rate = |forces: &BodyForces| forces.rate(now, (&self.bodies, &self.obstacles), &self.gravity);
+        let forced = self.forces.as_deref().map_or(0.0, rate);
+        let wanted = (left * self.substep_rate().max(speed / length).max(forced)).ceil().max(1.0);
         let allowed = MAX_SUBSTEPS.saturating_sub(self.record.substeps).max(1).max(others);
         self.record.capped += u32::from(wanted > f64::from(allowed));
         wanted.min(f64::from(allowed)).max(f64::from(others)) as u32
@@ -267,8 +267,14 @@ impl RigidBodies {
         (self.obstacles.iter().map(surface).collect(), &self.bodies)
     }
 
-    fn smallest_inner_radius(&self) -> f64 {
-        self.obstacles.iter().map(|body| body.inner_radius).fold(f64::INFINITY, f64::min)
+    /// Largest motion of all in a substep [m].
+    fn largest_motion(&self) -> f64 {
+        self.obstacles.iter().map(Obstacle::largest_motion).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Sets the forces that act from now on.
+    pub(super) fn set_forces(&mut self, forces: Option<Forces>) {
+        self.forces = forces.map(|forces| Box::new(BodyForces::new(forces, &self.obstacles)));
     }
 
     /// A copy in a substep of `dt` [s] from `now` [s], with its contacts.
@@ -357,11 +363,15 @@ impl CoupledBodies for RigidBodies {
 
     fn start_substep(&mut self, now: f64, dt: f64) {
         self.dt = dt;
-        let forced = self.forced_impulses([now, dt]);
-        for body in &mut self.bodies {
-            body.start_substep(dt, self.gravity);
+        let Self { forces, bodies, obstacles, gravity, .. } = self;
+        let forced =
+            forces.as_deref_mut().map(|forces| forces.impulses([now, dt], (bodies, obstacles), gravity));
+        for body in &mut *bodies {
+            body.start_substep(dt, *gravity);
         }
-        self.apply_forced(&forced);
+        if let (Some(forces), Some(impulses)) = (forces, forced) {
+            forces.apply(&impulses, bodies);
+        }
         self.find_contacts(now, dt);
         separate(&mut self.contacts, &mut self.bodies);
         self.resolve(START_SWEEPS);

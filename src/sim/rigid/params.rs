@@ -3,7 +3,7 @@
 use crate::solid::{Look, Shape, Solid};
 use serde::{Deserialize, Serialize};
 
-/// A rigid body: it falls, floats, tumbles, and collides with colliders and other bodies. The liquid moves it, and it moves the liquid.
+/// A rigid body: it falls, floats, tumbles, and collides with colliders and other bodies. Liquid or sheets move it, and it moves them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -24,7 +24,7 @@ pub struct BodyParams {
     /// Angular velocity at the start [deg/s], as a vector along the axis.
     #[serde(default)]
     pub angular_velocity: [f32; 3],
-    /// Coulomb friction μ on colliders and on other bodies, for which it is √(μ₁ μ₂). Range: at least 0.
+    /// Coulomb friction μ on colliders, and on other bodies and sheets, for which it is √(μ₁ μ₂). Range: at least 0.
     #[serde(default = "default_friction")]
     pub friction: f32,
     /// Speed after an impact on a collider or another body over that before; of two bodies the larger counts. Range: 0 to 1.

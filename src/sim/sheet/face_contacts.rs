@@ -119,7 +119,7 @@ pub(in crate::sim) struct CoupledSubstep {
     /// Positions at the start of the substep [m].
     pub(super) before: Vectors,
     /// Positions at its end without contacts [m].
-    pub(super) without_contacts: Vectors,
+    without_contacts: Vectors,
     /// Λ [kg·m].
     pub(super) given: Vectors,
     /// The largest squared norm of a right side in the substep.

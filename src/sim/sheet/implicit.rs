@@ -342,6 +342,18 @@ pub(super) fn add_to_block(block: &mut Blocks, lane: usize, k: f32, n: Vec3) {
     }
 }
 
+/// n · B n of the block B of a point.
+pub(super) fn along(blocks: &[Blocks], i: usize, n: Vec3) -> f32 {
+    let [xx, yy, zz, xy, xz, yz] = blocks[i / LANES].map(|part| part[i % LANES]);
+    let mixed = xy * n.x * n.y + xz * n.x * n.z + yz * n.y * n.z;
+    xx * n.x * n.x + yy * n.y * n.y + zz * n.z * n.z + 2.0 * mixed
+}
+
+/// Trace of the block of a point.
+pub(super) fn trace(blocks: &[Blocks], i: usize) -> f32 {
+    blocks[i / LANES][..3].iter().map(|part| part[i % LANES]).sum()
+}
+
 /// Adds k 1 to the block of a point.
 pub(super) fn add_all(blocks: &mut [Blocks], i: usize, k: f32) {
     blocks[i / LANES][..3].iter_mut().for_each(|part| part[i % LANES] += k);

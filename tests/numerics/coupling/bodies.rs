@@ -178,7 +178,7 @@ fn bodies_and_sheets_have_the_same_bytes_on_any_threads_and_resumed() {
 }
 
 #[test]
-fn a_body_on_a_cloth_on_a_floor_is_held_and_carried_by_friction_alone() {
+fn a_body_on_a_cloth_on_a_floor_is_held_by_friction_alone() {
     for integrator in INTEGRATORS {
         for friction in [0.0_f32, 0.9] {
             let half = [0.1, 0.1, 0.05];

@@ -24,8 +24,8 @@ pub(super) struct BodyContact {
     /// Distance beyond what is to be kept along the normal, and displacement relative to the body across it, both without contact [m].
     pub(super) base: Vec3,
     pub(super) friction: f32,
-    /// Stiffness of the contact while it is solved, as a mass [kg].
-    pub(super) stiffness: f32,
+    /// Stiffness of the contact along the normal and across it while it is solved, as masses [kg].
+    pub(super) stiffness: [f32; 2],
     /// Λ, and the largest friction, which is that of the last solve [kg·m].
     pub(super) push: Vec3,
     pub(super) limit: f32,
@@ -47,9 +47,15 @@ pub(in crate::sim) struct BodyContacts {
 }
 
 impl BodyContacts {
-    /// Number of contacts with an impulse.
+    /// Whether there are impulses.
+    pub(in crate::sim) fn is_pushing(&self) -> bool {
+        self.list.iter().any(|contact| contact.push != Vec3::zeros())
+    }
+
+    /// Number of contacts with bodies that have an impulse.
     pub(in crate::sim) fn touching(&self) -> u64 {
-        self.list.iter().filter(|contact| contact.push != Vec3::zeros()).count() as u64
+        let touches = |contact: &&BodyContact| contact.body.is_some() && contact.push != Vec3::zeros();
+        self.list.iter().filter(touches).count() as u64
     }
 
     /// Starts from the solution of the last substep, which took `before` [s], for one of `dt` [s], as contacts often push as they did.
@@ -79,7 +85,7 @@ impl BodyContact {
             normal,
             base: normal * gap + (slip - normal * normal.dot(&slip)),
             friction,
-            stiffness: 0.0,
+            stiffness: [0.0; 2],
             push: Vec3::zeros(),
             limit: 0.0,
         }
@@ -94,26 +100,31 @@ impl BodyContact {
         self.base + (x - self.x) - moved.cast::<f32>()
     }
 
+    /// Λ − k y along the normal and across it.
+    fn wanted(&self, y: Vec3) -> (f32, Vec3) {
+        let (pushed, apart) = (self.normal.dot(&self.push), self.normal.dot(&y));
+        let along = pushed - self.stiffness[0] * apart;
+        (along, (self.push - self.normal * pushed) - (y - self.normal * apart) * self.stiffness[1])
+    }
+
     /// The part of [`Self::force`] along the normal, at least zero.
     pub(super) fn normal_push(&self, y: Vec3) -> f32 {
-        self.normal.dot(&(self.push - y * self.stiffness)).max(0.0)
+        self.wanted(y).0.max(0.0)
     }
 
     /// P(Λ − k y), where the relative displacement is `y`.
     pub(super) fn force(&self, y: Vec3) -> Vec3 {
-        let wanted = self.push - y * self.stiffness;
-        let along = self.normal.dot(&wanted);
-        let across = wanted - self.normal * along;
+        let (along, across) = self.wanted(y);
         let length = across.norm();
         let held = if length > self.limit { across * (self.limit / length) } else { across };
         self.normal * along.max(0.0) + held
     }
 
-    /// k times the square of the part of `w` that changes the force at `y`.
+    /// Change of the force at `y` along a step `w`.
     pub(super) fn curvature(&self, y: Vec3, w: Vec3) -> f64 {
-        let wanted = self.push - y * self.stiffness;
-        let (along, step) = (self.normal.dot(&wanted), self.normal.dot(&w));
-        let (across, side) = (wanted - self.normal * along, w - self.normal * step);
+        let (along, across) = self.wanted(y);
+        let step = self.normal.dot(&w);
+        let side = w - self.normal * step;
         let length = across.norm();
         let normal = if along > 0.0 { step * step } else { 0.0 };
         let tangential = if length > self.limit {
@@ -122,7 +133,13 @@ impl BodyContact {
         } else {
             side.norm_squared()
         };
-        f64::from(self.stiffness * (normal + tangential))
+        f64::from(self.stiffness[0] * normal + self.stiffness[1] * tangential)
+    }
+
+    /// Displacement that a change of Λ stands for, by the stiffness [m].
+    pub(super) fn displacement(&self, change: Vec3) -> f32 {
+        let along = self.normal.dot(&change);
+        (along.abs() / self.stiffness[0]).max((change - self.normal * along).norm() / self.stiffness[1])
     }
 }
 

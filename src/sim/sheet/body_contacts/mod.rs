@@ -5,7 +5,7 @@
 //! the point while it can. Both sides take the step together (`solve.rs`): A Δx = Σ Λ and M Δq = −Σ Jᵀ Λ, with A the sheet's own matrix
 //! for implicit Euler and its masses for symplectic Euler, and M the masses and inertias of the bodies. So neither side is unstable,
 //! however light it is. Bodies resolve their contacts with colliders and each other between the solves.
-//! *Departs from the paper*: [gudukbay97] has solids that nothing moves.
+//! *Departs from the paper*: [gudukbay97] has fixed solids alone.
 //!
 //! Symbols: Λ → `push`, the impulse on the point times Δt [kg·m]; w → `relative` in `contact.rs`; J → `arm`.
 //! Limits: points keep out of bodies, as out of solids, but not the faces between them. Normals are constant in a substep. Contacts are
