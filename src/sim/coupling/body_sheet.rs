@@ -59,18 +59,20 @@ pub(in crate::sim) fn advance_bodies_and_sheets(
         clock.time(BODY_PASSES[1], || {
             for _ in 0..MAX_SOLVES {
                 let is_changing = sheets.solve_body_contacts(&mut substep, &mut found, bodies.bodies_mut());
+                bodies.resolve_contacts();
                 if !is_changing {
                     break;
                 }
-                bodies.resolve_contacts();
             }
         });
         if found.is_pushing() {
             sheets.end_coupled_substep(&mut substep, &mut clock, &mut record);
         }
         clock.time(BODY_PASSES[0], || bodies.end_substep());
-        let (surfaces, states) = bodies.surfaces();
-        let depth = sheets.leave_bodies(&found, (&surfaces, states), now + dt);
+        let depth = clock.time(BODY_PASSES[1], || {
+            let (surfaces, states) = bodies.surfaces();
+            sheets.leave_bodies(&found, (&surfaces, states), now + dt)
+        });
         contact.contacts = contact.contacts.max(found.touching());
         contact.unconverged += substep.unconverged;
         contact.penetration = contact.penetration.max(f64::from(depth));

@@ -218,6 +218,6 @@ fn a_stick_lies_on_the_pinned_border_of_a_cloth() {
         advance(&mut simulation, 6);
         let x = channel(&state(&simulation), "bodies", "position")[0];
         println!("{integrator}: {x:?}");
-        assert!(x.z > 0.0, "{integrator}: it fell through: {x:?}");
+        assert!((x.z - 0.03).abs() < 1e-3, "{integrator}: it is half in the cloth: {x:?}");
     }
 }

@@ -107,17 +107,20 @@ impl BodyContact {
         (along, (self.push - self.normal * pushed) - (y - self.normal * apart) * self.stiffness[1])
     }
 
-    /// The part of [`Self::force`] along the normal, at least zero.
-    pub(super) fn normal_push(&self, y: Vec3) -> f32 {
-        self.wanted(y).0.max(0.0)
-    }
-
     /// P(Λ − k y), where the relative displacement is `y`.
     pub(super) fn force(&self, y: Vec3) -> Vec3 {
         let (along, across) = self.wanted(y);
         let length = across.norm();
         let held = if length > self.limit { across * (self.limit / length) } else { across };
         self.normal * along.max(0.0) + held
+    }
+
+    /// Takes the force at `y` as Λ, and returns the change. The friction of the next solve is that of its part along the normal, which is
+    /// never negative; along the normal of their sum it may be, by rounding.
+    pub(super) fn accept(&mut self, y: Vec3) -> Vec3 {
+        let before = self.push;
+        (self.push, self.limit) = (self.force(y), self.friction * self.wanted(y).0.max(0.0));
+        self.push - before
     }
 
     /// Change of the force at `y` along a step `w`.
@@ -189,4 +192,29 @@ impl Unknowns {
 pub(super) fn wrench(contact: &BodyContact, force: Vector3<f64>) -> Vector6<f64> {
     let torque = contact.arm.cross(&force);
     Vector6::new(force.x, force.y, force.z, torque.x, torque.y, torque.z)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Random;
+
+    #[test]
+    fn a_contact_that_opens_keeps_no_friction_and_stays_finite() {
+        let random = Random::new([1, 2, 3]);
+        let vector = |k| random.vector(k) - Vec3::repeat(0.5);
+        for k in 0..1000 {
+            let normal = vector(4 * k).normalize();
+            let mut contact = BodyContact::new(0, None, Vec3::zeros(), (normal, 0.0, Vec3::zeros()), 0.7);
+            contact.stiffness = [1.0, 3.0];
+            contact.accept(vector(4 * k + 1) - normal);
+            assert!(contact.limit > 0.0 && contact.push.dot(&normal) > 0.0, "{contact:?}");
+            // It opens, with the friction of the last solve.
+            let change = contact.accept(vector(4 * k + 2) + normal * 4.0);
+            assert!(contact.limit == 0.0 && change.norm() > 0.0, "{contact:?}");
+            let [held, opened] = [Vec3::zeros(), normal].map(|y| contact.force(y));
+            assert!(held.norm() < 1e-5 && opened.norm() < 1e-5, "{held} {opened}");
+            assert!(contact.curvature(Vec3::zeros(), normal).is_finite());
+        }
+    }
 }

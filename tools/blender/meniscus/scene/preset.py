@@ -473,11 +473,12 @@ class Writer:
             self.entry("body", each, placed, found)
 
     def forces(self) -> Parts:
-        systems = [name for name, has in (("liquid", self.has_liquid), ("sheets", self.has_cloth)) if has]
+        feeling = (("liquid", self.has_liquid), ("sheets", self.has_cloth), ("bodies", self.has_bodies))
+        systems = [name for name, has in feeling if has]
         for each in self.of("FORCE"):
             yield self.next_part()
             if not systems:
-                self.shaper.note(each, "is left out: forces act on liquid and cloth, and the scene has neither")
+                self.shaper.note(each, "is left out: forces act on liquid, cloth and bodies, and the scene has none of them")
                 continue
             kind = next(choice for choice in schema.choices("ForceKind") if choice.name == each.role.kind)
             table = settings.values(getattr(each.role, f"kind_{kind.name}"), kind.name, self.scale, kind.keys)
@@ -494,7 +495,7 @@ class Writer:
                 self.shaper.note(each, "its falloff is left out, since it acts everywhere")
                 del found["falloff"]
             values |= found
-            if self.has_bodies or self.has_smoke:
+            if self.has_smoke:
                 values["systems"] = systems
             factors = [factor * on for factor, on in zip(each.factors, each.is_on)]
             if any(factor != 1.0 for factor in factors):
