@@ -16,6 +16,6 @@ pub use contact::ShapeError;
 pub(crate) use deformation::Deformation;
 pub use mesh::{Axis, MeshShape};
 pub use motion::{Interpolation, Keyframe, Motion, Pose};
-pub(crate) use rigid_body::{BodyState, BodySurface, MassProperties, RigidBody, body_poses};
+pub(crate) use rigid_body::{BodyState, BodySurface, MassProperties, RigidBody, body_poses, filled_cells};
 pub use shape::Shape;
 pub(crate) use surface_velocity::{SurfaceVelocity, angular_velocity};

@@ -37,29 +37,15 @@ impl MassProperties {
     /// The properties of a bounded shape of `density` [kg/m³]; `None` if it is unbounded or has no volume.
     pub(crate) fn new(shape: &Shape, density: f64) -> Option<Self> {
         let (low, high) = shape.bounds()?;
-        let size = high - low;
-        let longest = size.max();
-        if !(longest > 0.0 && longest.is_finite()) {
-            return None;
-        }
-        let count = size.map(|side| (side / longest * CELLS).ceil().max(1.0));
-        let cell = size.component_div(&count);
-        let width = (cell.sum() / 3.0).max(f32::MIN_POSITIVE);
+        let (parts, cell) = filled_cells(shape, CELLS)?;
         // Sums over cells relative to the middle of the bounds.
         let middle = (low + high) / 2.0;
         let (mut inside, mut first, mut second) = (0.0, Vector3::zeros(), Matrix3::zeros());
-        for k in 0..count.z as u32 {
-            for j in 0..count.y as u32 {
-                for i in 0..count.x as u32 {
-                    let index = Vec3::new(i as f32, j as f32, k as f32).add_scalar(0.5);
-                    let x = low + index.component_mul(&cell);
-                    let part = f64::from((0.5 - shape.signed_distance(x) / width).clamp(0.0, 1.0));
-                    let r: Vector3<f64> = (x - middle).cast();
-                    inside += part;
-                    first += r * part;
-                    second += r * r.transpose() * part;
-                }
-            }
+        for (x, part) in parts {
+            let r: Vector3<f64> = (x - middle).cast();
+            inside += part;
+            first += r * part;
+            second += r * r.transpose() * part;
         }
         let cell: Vector3<f64> = cell.cast();
         let volume = match shape {
@@ -77,6 +63,31 @@ impl MassProperties {
         let inertia = (Matrix3::identity() * moments.trace() - moments) * mass;
         Some(Self { mass, center: center + middle.cast(), inertia })
     }
+}
+
+/// Middles of the cells of a bounded shape, of which there are `along` along its longest side, the part of each that is inside (0 to 1), and
+/// the size of a cell [m]; `None` if the shape has no size.
+pub(crate) fn filled_cells(shape: &Shape, along: f32) -> Option<(Vec<(Vec3, f64)>, Vec3)> {
+    let (low, high) = shape.bounds()?;
+    let size = high - low;
+    let longest = size.max();
+    if !(longest > 0.0 && longest.is_finite()) {
+        return None;
+    }
+    let count = size.map(|side| (side / longest * along).ceil().max(1.0));
+    let cell = size.component_div(&count);
+    let width = (cell.sum() / 3.0).max(f32::MIN_POSITIVE);
+    let mut parts = Vec::new();
+    for k in 0..count.z as u32 {
+        for j in 0..count.y as u32 {
+            for i in 0..count.x as u32 {
+                let index = Vec3::new(i as f32, j as f32, k as f32).add_scalar(0.5);
+                let x = low + index.component_mul(&cell);
+                parts.push((x, f64::from((0.5 - shape.signed_distance(x) / width).clamp(0.0, 1.0))));
+            }
+        }
+    }
+    Some((parts, cell))
 }
 
 /// A rigid body that moves freely.

@@ -9,7 +9,7 @@ use super::contact::Obstacle;
 use crate::{
     math::Vec3,
     sim::force::{ChunkMaximum, ForceRecord, Forces, KickedSubstep},
-    solid::{RigidBody, Shape},
+    solid::{RigidBody, Shape, filled_cells},
 };
 use nalgebra::Vector3;
 
@@ -28,25 +28,8 @@ pub(super) struct BodyForces {
 
 /// Points that fill a shape, from their mean, and their shares.
 fn filling_points(shape: &Shape) -> Vec<(Vec3, f64)> {
-    let (low, high) = shape.bounds().unwrap_or_default();
-    let size = high - low;
-    let cell = size.max() / CELLS;
-    let count = size.map(|side| (side / cell).ceil().max(1.0));
-    let step = size.component_div(&count);
-    let width = (step.sum() / 3.0).max(f32::MIN_POSITIVE);
-    let mut points = Vec::new();
-    for k in 0..count.z as u32 {
-        for j in 0..count.y as u32 {
-            for i in 0..count.x as u32 {
-                let index = Vec3::new(i as f32, j as f32, k as f32).add_scalar(0.5);
-                let x = low + index.component_mul(&step);
-                let share = f64::from((0.5 - shape.signed_distance(x) / width).clamp(0.0, 1.0));
-                if share > 0.0 {
-                    points.push((x, share));
-                }
-            }
-        }
-    }
+    let (mut points, _) = filled_cells(shape, CELLS).unwrap_or_default();
+    points.retain(|(_, share)| *share > 0.0);
     let whole: f64 = points.iter().map(|(_, share)| share).sum();
     let mean: Vector3<f64> = points.iter().map(|(x, share)| x.cast::<f64>() * (share / whole)).sum();
     points.iter().map(|(x, share)| (x - mean.cast::<f32>(), share / whole)).collect()
