@@ -17,7 +17,7 @@ use crate::{
         elementary::{cos, sin},
     },
 };
-use nalgebra::{Matrix3, Quaternion, Unit, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Matrix6, Quaternion, Unit, UnitQuaternion, Vector3};
 
 /// Cells along the longest side of the bounds. A ball of 48 cells across has its moment of inertia to 0.1 %.
 const CELLS: f32 = 48.0;
@@ -270,6 +270,20 @@ impl RigidBody {
     /// Inverse of the inertia in the world's axes [1/(kg m²)].
     pub(crate) fn world_inverse_inertia(&self) -> &Matrix3<f64> {
         &self.world_inverse_inertia
+    }
+
+    /// Mass [kg] and inertia [kg m²] about the centre of mass, in the world's axes in the middle of the substep.
+    pub(crate) fn mass_matrix(&self) -> Matrix6<f64> {
+        let mut all = Matrix6::identity() * self.properties.mass;
+        let inertia = self.world_inverse_inertia.try_inverse().unwrap_or_else(Matrix3::zeros);
+        all.fixed_view_mut::<3, 3>(3, 3).copy_from(&inertia);
+        all
+    }
+
+    /// Kinetic energy of what changed since `momenta` alone: what an implicit step dissipates [J].
+    pub(crate) fn energy_of_change(&self, momenta: &[Vector3<f64>; 2]) -> f64 {
+        let [v, l] = [self.velocity - momenta[0], self.angular_momentum - momenta[1]];
+        0.5 * (self.properties.mass * v.norm_squared() + l.dot(&(self.world_inverse_inertia * l)))
     }
 
     /// Kinetic energy [J].

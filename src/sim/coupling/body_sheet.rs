@@ -15,7 +15,7 @@ use crate::{
         sheet::{MAX_SOLVES, SheetRecord, Sheets},
         substep::advance_frame,
     },
-    solid::{BodySurface, Pose},
+    solid::{BodySurface, Pose, RigidBody},
 };
 
 /// What a frame of both sides did.
@@ -47,6 +47,7 @@ pub(in crate::sim) fn advance_bodies_and_sheets(
         let own = sheets.substeps_left(now, left, seconds, 0)?;
         let count = bodies.substeps_left([now, left], (sheets.max_speed(), own));
         let dt = left / f64::from(count);
+        let momenta: Vec<_> = bodies.bodies().iter().map(RigidBody::momenta).collect();
         clock.time(BODY_PASSES[0], || bodies.start_substep(now, dt));
         let mut substep = sheets.begin_coupled_substep(now, dt, &mut clock, &mut record)?;
         let mut found = clock.time(BODY_PASSES[1], || {
@@ -68,6 +69,9 @@ pub(in crate::sim) fn advance_bodies_and_sheets(
         if found.is_pushing() {
             sheets.end_coupled_substep(&mut substep, &mut clock, &mut record);
         }
+        clock.time("sheet_account", || {
+            sheets.account_energy(&substep, found.energies(bodies.bodies(), &momenta), &mut record);
+        });
         clock.time(BODY_PASSES[0], || bodies.end_substep());
         let depth = clock.time(BODY_PASSES[1], || {
             let (surfaces, states) = bodies.surfaces();

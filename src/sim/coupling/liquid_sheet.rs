@@ -230,7 +230,7 @@ impl<'a> CoupledSheets<'a> {
         FaceContacts::new(contacts.iter().map(face_contact).collect(), self.sheets.len())
     }
 
-    /// Projects particles that crossed faces back, and adds the work of the contacts to `work`.
+    /// Projects particles that crossed faces back, and adds the work of the contacts to `work`. Returns whether they pushed the sheets.
     fn resolve_crossings(
         &mut self,
         step: &mut SubstepState,
@@ -238,11 +238,12 @@ impl<'a> CoupledSheets<'a> {
         v_before: &[Vec3],
         work: &mut ContactWork,
         clock: &mut Clock,
-    ) {
+    ) -> bool {
+        let mut has_pushed = false;
         for _ in 0..MAX_CROSSING_ITERATIONS {
             let through = self.find_crossings(step, particles);
             if through.is_empty() {
-                return;
+                return has_pushed;
             }
             let face_contacts = self.face_contacts(&through);
             let contacts = ContactSet { list: &through, face_contacts: &face_contacts };
@@ -250,12 +251,13 @@ impl<'a> CoupledSheets<'a> {
             if let Some(lambda) = self.project_once(step, &contacts, particles) {
                 self.sheets.end_coupled_substep(&mut step.coupled, clock, &mut self.sheet_record);
                 work.add(self.account_impulses(step, &contacts, &lambda, particles, v_before));
+                has_pushed = true;
             }
         }
         for _ in 0..MAX_CROSSING_ITERATIONS {
             let through = self.find_crossings(step, particles);
             if through.is_empty() {
-                return;
+                return has_pushed;
             }
             self.record.projected_back += through.len() as u64;
             for contact in through {
@@ -269,6 +271,7 @@ impl<'a> CoupledSheets<'a> {
             }
         }
         self.record.crossed += self.find_crossings(step, particles).len() as u64;
+        has_pushed
     }
 }
 
@@ -406,8 +409,10 @@ impl CoupledSystem for CoupledSheets<'_> {
             );
             let set = ContactSet { list: &contacts, face_contacts: &face_contacts };
             let mut work = self.account_impulses(&step, &set, &lambda, particles, v_before);
-            self.resolve_crossings(&mut step, particles, v_before, &mut work, clock);
+            let has_pushed = self.resolve_crossings(&mut step, particles, v_before, &mut work, clock);
             self.record.contacts = lambda.iter().filter(|&&l| l > 0.0).count() as u64;
+            let pushing = (self.record.contacts > 0 || has_pushed).then_some([0.0; 2]);
+            self.sheets.account_energy(&step.coupled, pushing, &mut self.sheet_record);
             (step.contacts, step.face_contacts, step.lambda) = (contacts, face_contacts, lambda);
             work.exchanged()
         });

@@ -61,7 +61,8 @@ impl Sheets {
         record: &mut SheetRecord,
     ) -> Result<(), Diverged> {
         record.substeps += 1;
-        self.substep(now, dt, clock, record)
+        self.substep(now, dt, clock, record)?.count(record);
+        Ok(())
     }
 
     /// The names of the sheets, in their order.

@@ -12,7 +12,12 @@
 //! Limits: the caller decides once an iteration which contacts may push. Normals are constant during the
 //! iteration. The implicit integrator sees the sheet as it is linearised at the start of the substep.
 
-use super::{Integrator, SheetRecord, Sheets, implicit, springs::Blocks, vectors::Vectors};
+use super::{
+    Integrator, SheetRecord, Sheets, implicit,
+    overshoot::{self, EnergyBalance},
+    springs::Blocks,
+    vectors::Vectors,
+};
 use crate::{
     math::Vec3,
     par::{self, Groups},
@@ -118,6 +123,10 @@ pub(in crate::sim) struct CoupledSubstep {
     pub(super) dt: f64,
     /// Positions at the start of the substep [m].
     pub(super) before: Vectors,
+    /// Velocities at the start of the substep [m/s].
+    pub(super) velocities: Vectors,
+    /// The balance of the substep without contacts.
+    pub(super) balance: EnergyBalance,
     /// Positions at its end without contacts [m].
     without_contacts: Vectors,
     /// Λ [kg·m].
@@ -162,15 +171,17 @@ impl Sheets {
         clock: &mut Clock,
         record: &mut SheetRecord,
     ) -> Result<CoupledSubstep, Diverged> {
-        let before = self.x.clone();
+        let [before, velocities] = [self.x.clone(), self.v.clone()];
         record.substeps += 1;
-        self.substep(now, dt, clock, record)?;
+        let balance = self.substep(now, dt, clock, record)?;
         let given = Vectors::zeros(self.len());
         let without_contacts = self.x.clone();
         Ok(CoupledSubstep {
             now,
             dt,
             before,
+            velocities,
+            balance,
             without_contacts,
             given,
             right_norm: 0.0,
@@ -359,6 +370,36 @@ impl Sheets {
                 }
             }
         });
+    }
+
+    /// Counts the energy that springs gained in a substep that ends here. `pushing` are the energies of what pushed the sheets: of its
+    /// motion, and ½ ΔV·MΔV, which the substep dissipates \[J\]; zero of liquid, whose energy is bounded elsewhere. `None`: nothing did.
+    pub(in crate::sim) fn account_energy(
+        &self,
+        substep: &CoupledSubstep,
+        pushing: Option<[f64; 2]>,
+        record: &mut SheetRecord,
+    ) {
+        let mut balance = substep.balance;
+        if let (Some([motion, dissipated]), Integrator::Implicit) =
+            (pushing, self.params.common.solver.integrator)
+        {
+            // From displacements: the pushes of the substep are in them.
+            let dt = substep.dt as f32;
+            let mut after = self.x.clone();
+            implicit::combine(&mut after, 1.0 / dt, &substep.before, -1.0 / dt);
+            balance = EnergyBalance::new(&overshoot::Substep {
+                springs: &self.springs,
+                x: &substep.before,
+                mass: &self.mass,
+                before: &substep.velocities,
+                after: &after,
+                dt,
+            });
+            balance.gain -= dissipated;
+            balance.total += motion;
+        }
+        balance.count(record);
     }
 
     /// Turns the impulses into velocities, and moves points out of solids and other sheets into which

@@ -306,7 +306,7 @@ impl Sheets {
             self.update_holds(now);
             let dt = self.next_substep(now, progress.left, seconds, &mut clock, &mut record)?;
             record.substeps += 1;
-            self.substep(now, dt, &mut clock, &mut record)?;
+            self.substep(now, dt, &mut clock, &mut record)?.count(&mut record);
             Ok(dt)
         })?;
         self.end_contact(&mut clock, &mut record);
@@ -325,7 +325,7 @@ impl Sheets {
         self.begin_contact(&mut record);
         let mut clock = Clock::new(&self.passes());
         self.max_contact_substep(now, [dt, dt], &mut clock, &mut record);
-        self.substep(now, dt, &mut clock, &mut record)?;
+        self.substep(now, dt, &mut clock, &mut record)?.count(&mut record);
         Ok(record)
     }
 

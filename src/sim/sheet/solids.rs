@@ -82,6 +82,12 @@ impl<'a> PlacedSolid<'a> {
         self.contact_off(x, end, 1.0)
     }
 
+    /// Distance from the clearance of a rigid solid, and normal, at a place in its own axes.
+    pub(super) fn local_contact(&self, x: Vec3) -> (f32, Vec3) {
+        let (distance, n) = self.shapes[1].contact(x);
+        (distance - self.clearance, n)
+    }
+
     /// Distance from a part of the solid's clearance, and normal.
     fn contact_off(&self, x: Vec3, end: usize, part: f32) -> (f32, Vec3) {
         let (distance, n) = match &self.poses {

@@ -5,7 +5,8 @@ use super::{
     exact_joints::CompensatedVectors,
     explicit,
     implicit::{self, Matrix},
-    overshoot, pins_and_joints,
+    overshoot::{self, EnergyBalance},
+    pins_and_joints,
     sliced_ellpack::SlicedEllpack,
     solids::{self, PlacedSolid, RepulsionForce},
     springs::{self, Blocks, ForceSum, LinearTerms, SpringForces},
@@ -19,20 +20,20 @@ use crate::{
 };
 
 impl Sheets {
-    /// Advances from `now` [s] by `dt` [s].
+    /// Advances from `now` [s] by `dt` [s]. Returns the balance of the step, before anything pushed the sheets.
     pub(super) fn substep(
         &mut self,
         now: f64,
         dt: f64,
         clock: &mut Clock,
         record: &mut SheetRecord,
-    ) -> Result<(), Diverged> {
+    ) -> Result<EnergyBalance, Diverged> {
         let before = self.forces.is_some().then(|| self.x.clone());
         if let Some(contact) = &mut self.contact {
             contact.begin_substep(&self.x);
         }
-        let diverged = clock.time("sheet_step", || match self.params.common.solver.integrator {
-            Integrator::Symplectic => self.step_symplectic(now, dt),
+        let (diverged, balance) = clock.time("sheet_step", || match self.params.common.solver.integrator {
+            Integrator::Symplectic => (self.step_symplectic(now, dt), EnergyBalance::default()),
             Integrator::Implicit => self.step_implicit(now, dt, record),
         });
         if let Some(eight) = diverged {
@@ -54,7 +55,7 @@ impl Sheets {
         if let Some(before) = before {
             clock.time("sheet_account", || self.account_forces(&before, record));
         }
-        Ok(())
+        Ok(balance)
     }
 
     /// Applies exact joints, collisions with solids and contact of sheets at the end of the substep from
@@ -204,7 +205,12 @@ impl Sheets {
         }
     }
 
-    fn step_implicit(&mut self, now: f64, dt: f64, record: &mut SheetRecord) -> Option<usize> {
+    fn step_implicit(
+        &mut self,
+        now: f64,
+        dt: f64,
+        record: &mut SheetRecord,
+    ) -> (Option<usize>, EnergyBalance) {
         // Soft pins are part of the blocks, and exactly pinned points start with their velocity.
         self.set_pin_velocities(now, dt);
         self.exact_joints.project(&self.inverse, &mut CompensatedVectors { value: &mut self.v, low: None });
@@ -263,16 +269,8 @@ impl Sheets {
         record.iterations += report.iterations;
         record.residual = record.residual.max(report.residual);
         record.unconverged += u32::from(report.residual > f64::from(solver.tolerance));
-        let gain = overshoot::energy_gain(&overshoot::Substep {
-            springs,
-            x,
-            mass,
-            before: &before,
-            after: v,
-            dt: h,
-        });
-        record.overshot += u32::from(gain > 0.0);
-        record.overshot_energy += gain;
+        let balance =
+            EnergyBalance::new(&overshoot::Substep { springs, x, mass, before: &before, after: v, dt: h });
 
         // v is the new velocity; positions follow without further forces.
         let gravity = crate::math::Vec3::zeros();
@@ -280,7 +278,7 @@ impl Sheets {
         let diverged = explicit::advance(&input, &explicit::NoForce, next_x, v, low);
         std::mem::swap(x, next_x);
         self.apply_friction(&repulsion, dt, true);
-        diverged
+        (diverged, balance)
     }
 
     /// Δt² times the stiffness of soft pins; empty if there are none.

@@ -52,6 +52,23 @@ impl BodyContacts {
         self.list.iter().any(|contact| contact.push != Vec3::zeros())
     }
 
+    /// Energies of the bodies that sheets push, which had `momenta` at the start of the substep: of their motion, and ½ ΔV·MΔV, which the
+    /// substep dissipates \[J\]. `None`: no body is pushed.
+    pub(in crate::sim) fn energies(
+        &self,
+        bodies: &[RigidBody],
+        momenta: &[[Vector3<f64>; 2]],
+    ) -> Option<[f64; 2]> {
+        let is_pushed = |body| {
+            self.list.iter().any(|contact| contact.body == Some(body) && contact.push != Vec3::zeros())
+        };
+        let of = |(index, (body, momenta)): (usize, (&RigidBody, &[Vector3<f64>; 2]))| {
+            is_pushed(index).then(|| [body.kinetic_energy(), body.energy_of_change(momenta)])
+        };
+        let pushed = bodies.iter().zip(momenta).enumerate().filter_map(of);
+        pushed.reduce(|sum, one| [sum[0] + one[0], sum[1] + one[1]])
+    }
+
     /// Number of contacts with bodies that have an impulse.
     pub(in crate::sim) fn touching(&self) -> u64 {
         let touches = |contact: &&BodyContact| contact.body.is_some() && contact.push != Vec3::zeros();
@@ -197,7 +214,44 @@ pub(super) fn wrench(contact: &BodyContact, force: Vector3<f64>) -> Vector6<f64>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::Random;
+    use crate::{
+        math::Random,
+        solid::{BodyState, MassProperties, Shape},
+    };
+    use std::f64::consts::PI;
+
+    #[test]
+    fn energies_are_those_of_pushed_bodies_alone() {
+        let properties =
+            MassProperties::new(&Shape::Sphere { center: [0.0; 3], radius: 0.5 }, 12.0 / PI).unwrap();
+        let body = |velocity| {
+            let state = BodyState {
+                position: Vec3::zeros(),
+                rotation: (Vec3::zeros(), 1.0),
+                velocity,
+                angular_velocity: Vec3::zeros(),
+            };
+            RigidBody::new(properties, &state).unwrap()
+        };
+        // 2 kg each.
+        let bodies = [body(Vec3::x()), body(Vec3::z() * 3.0)];
+        let momenta = [[Vector3::zeros(); 2]; 2];
+        let mut contact = BodyContact::new(0, Some(1), Vec3::zeros(), (Vec3::z(), 0.0, Vec3::zeros()), 0.0);
+        let of = |contact: BodyContact| {
+            BodyContacts {
+                list: vec![contact],
+                free: Vec::new(),
+                first_change: None,
+                guess: None,
+                solution: None,
+            }
+            .energies(&bodies, &momenta)
+        };
+        assert_eq!(of(contact), None);
+        contact.push = Vec3::z();
+        let [motion, dissipated] = of(contact).expect("one is pushed");
+        assert!((motion - 9.0).abs() < 0.02 && (dissipated - 9.0).abs() < 0.02, "{motion}, {dissipated}");
+    }
 
     #[test]
     fn a_contact_that_opens_keeps_no_friction_and_stays_finite() {

@@ -1,7 +1,7 @@
 //! Contact of sheets with rigid bodies, which move each other.
 //!
-//! *Method*: a contact is a point of a sheet near a body, found once a substep where both would be without contact. It keeps
-//! n·w ≥ −gap, with w the displacement of the point relative to the body and n the body's normal there, and Coulomb friction holds
+//! *Method*: a contact is a point of a sheet that comes near a body where both would be without contact, found once a substep. It keeps
+//! n·w ≥ −gap, with w the displacement of the point relative to the body and n the body's normal (`impact.rs`), and Coulomb friction holds
 //! the point while it can. Both sides take the step together (`solve.rs`): A Δx = Σ Λ and M Δq = −Σ Jᵀ Λ, with A the sheet's own matrix
 //! for implicit Euler and its masses for symplectic Euler, and M the masses and inertias of the bodies. So neither side is unstable,
 //! however light it is. Bodies resolve their contacts with colliders and each other between the solves.
@@ -12,6 +12,7 @@
 //! inelastic. `[sheets.repulsion]` is of colliders alone.
 
 mod contact;
+mod impact;
 mod solve;
 
 pub(in crate::sim) use solve::MAX_SOLVES;
@@ -26,10 +27,7 @@ use crate::{
     solid::{BodySurface, Pose, RigidBody},
 };
 use contact::{BodyContact, BodyContacts};
-use nalgebra::Vector3;
-
-/// Distance from a body, over its inner radius, within which a point without contact may get one in the same substep.
-const MARGIN: f32 = 0.1;
+use impact::{Impact, MARGIN, Path};
 
 impl Sheets {
     /// Coefficient of friction with a body: as between bodies, √(μ₁ μ₂).
@@ -57,28 +55,28 @@ impl Sheets {
                 let first = found.len();
                 let (before, x) = (substep.before.get(point), self.x.get(point));
                 for (body, surface) in surfaces.iter().enumerate() {
-                    let margin = MARGIN * surface.inner_radius;
-                    let center = poses[body][1].to_world(surface.center);
-                    if (x - center).norm() > surface.reach + clearance + margin {
+                    let ends = [poses[body][0].to_local(before), poses[body][1].to_local(x)];
+                    let path = Path { ends, radius: surface.inner_radius };
+                    if !path.comes_near(surface.center, surface.reach + clearance) {
                         continue;
                     }
-                    let (gap, normal) = placed[body].contact(x, 1);
-                    if gap > margin {
+                    let Some(Impact { place, gap, normal }) =
+                        path.impact(|place| placed[body].local_contact(place))
+                    else {
                         continue;
-                    }
-                    // Where a point starts inside, the velocity of leaving would be that of an explosion.
-                    let kept = placed[body].contact(before, 0).0.min(0.0);
+                    };
                     let rigid = &bodies[body];
-                    let arm: Vector3<f64> = x.cast() - rigid.position();
+                    let arm = poses[body][1].to_world(place).cast() - rigid.position();
                     let velocity = rigid.velocity() + rigid.angular_velocity().cross(&arm);
                     let slip = (x - before) - (velocity * dt).cast::<f32>();
+                    let normal = poses[body][1].rotation * normal;
                     found.push(BodyContact {
                         arm,
                         ..BodyContact::new(
                             point,
                             Some(body),
                             x,
-                            (normal, gap - kept, slip),
+                            (normal, gap, slip),
                             self.friction_with(surface),
                         )
                     });

@@ -7,7 +7,7 @@
 //! projects to convex sets. Its minimum is found by nonlinear conjugate gradients of Polak and Ribière, as for masses on faces
 //! (`face_contacts.rs`).
 //!
-//! Symbols: k → `stiffness`, M → [`BodyMass`], (Δx, Δq) → [`Unknowns`].
+//! Symbols: k → `stiffness`, M → `masses`, (Δx, Δq) → [`Unknowns`].
 //! Limits: at most [`MAX_CG_ITERATIONS`] a solve and [`MAX_SOLVES`] a substep; what is left is reduced in the next substep.
 
 use super::contact::{BodyContact, BodyContacts, Unknowns, wrench};
@@ -23,7 +23,7 @@ use crate::{
     simd::LANES,
     solid::RigidBody,
 };
-use nalgebra::{Matrix3, Matrix6, Vector6};
+use nalgebra::{Matrix6, Vector6};
 
 /// Tolerance of the conjugate gradients of one solve, relative to the largest right side of the substep, and their maximum number of
 /// iterations. docs/decisions/045 has what others cost.
@@ -41,19 +41,6 @@ const ROUNDING: f32 = 1e-7;
 /// for both, by the trace, the rounding of y was larger in Λ than the weight of a ball, and points were up to 2 % of its radius deep at rest.
 const STIFFNESS: f32 = 4.0;
 
-/// Mass [kg] and inertia [kg m²] of a body in the world's axes, in the middle of the substep.
-#[derive(Clone, Copy)]
-struct BodyMass(Matrix6<f64>);
-
-impl BodyMass {
-    fn new(body: &RigidBody) -> Self {
-        let inertia = body.world_inverse_inertia().try_inverse().unwrap_or_else(Matrix3::zeros);
-        let mut all = Matrix6::identity() * body.mass();
-        all.fixed_view_mut::<3, 3>(3, 3).copy_from(&inertia);
-        Self(all)
-    }
-}
-
 /// A: the sheet's own matrix, or the masses of the points in contact, which are all that move.
 enum SheetSide<'a> {
     Implicit(Matrix<'a>),
@@ -63,7 +50,7 @@ enum SheetSide<'a> {
 /// A and the matrices of the bodies.
 struct Sides<'a> {
     sheet: SheetSide<'a>,
-    masses: Vec<BodyMass>,
+    masses: Vec<Matrix6<f64>>,
     /// Number of points.
     len: usize,
 }
@@ -85,7 +72,7 @@ impl Sides<'_> {
             }),
         }
         let rows = out.bodies.iter_mut().zip(&p.bodies).zip(&self.masses);
-        rows.for_each(|((out, p), BodyMass(mass))| *out = mass * p);
+        rows.for_each(|((out, p), mass)| *out = mass * p);
     }
 
     /// Residual of both equations at the relative displacements `y`, with the `product` of A and M.
@@ -129,8 +116,8 @@ struct Preconditioner {
 }
 
 impl Preconditioner {
-    fn new(mut blocks: Vec<Blocks>, masses: &[BodyMass], contacts: &[BodyContact], y: &[Vec3]) -> Self {
-        let mut bodies: Vec<Matrix6<f64>> = masses.iter().map(|mass| mass.0).collect();
+    fn new(mut blocks: Vec<Blocks>, masses: &[Matrix6<f64>], contacts: &[BodyContact], y: &[Vec3]) -> Self {
+        let mut bodies: Vec<Matrix6<f64>> = masses.to_vec();
         for (contact, &y) in contacts.iter().zip(y) {
             let BodyContact { normal: n, stiffness: [along, across], .. } = *contact;
             if contact.force(y) == Vec3::zeros() {
@@ -224,7 +211,7 @@ impl Sheets {
         contacts: &mut BodyContacts,
         bodies: &[RigidBody],
     ) -> Sides<'a> {
-        let masses = bodies.iter().map(BodyMass::new).collect();
+        let masses = bodies.iter().map(RigidBody::mass_matrix).collect();
         if self.params.common.solver.integrator == Integrator::Implicit {
             contacts.list.iter_mut().for_each(|contact| contact.slot = contact.point);
             let matrix = self.matrix(before, self.pin_blocks(now, dt), now, dt);
