@@ -3,17 +3,18 @@
 //! *Method*: a body is a solid whose pose at the end of the substep follows from its velocities. Whatever a body does to a particle, by
 //! its density, by projection, by friction and by surface tension, acts on the body with the opposite sign at the same place, so that momentum is
 //! conserved to rounding, but for corrections of particles that are shortened, which are counted. Reactions alone diverge where a body is
-//! light (the added-mass instability). Therefore an iteration solves the pressures or projections of all particles at a body together with the six velocities of the body: with the diagonal D of
-//! the liquid and the rows u_i of the body, (D + U M⁻¹ Uᵀ) κ = C, by the identity of Woodbury with a system of six unknowns for each body.
+//! light (the added-mass instability). Therefore an iteration solves the pressures of all particles at a body together with the six velocities of the body: with the diagonal D of
+//! the liquid and the rows u_i of the body, (D + U M⁻¹ Uᵀ) κ = C, by the identity of Woodbury with a system of six unknowns for each body. Projections and
+//! friction, which only push, are solved with them as well (`rigid_system.rs`).
 //! *Departs from*: [akinci12], whose coupling is explicit and whose bodies are sampled with particles; here solids are distance fields. The
 //! pressures at the body are those of the strong coupling of [gissler19], without an iteration of their own.
 //!
 //! Symbols: κ_i, D_i → `denominator`, λ → see `density.rs`; u_i = (∇ρ, r × ∇ρ) → [`Lever`], with r from the centre of mass to the
 //! particle; M → mass and inertia of the body over the mass of a particle. Impulses by Δt over the mass of a particle are displacements [m].
-//! Limits: the particles at two bodies at once are solved for each of them separately. The viscous drag of a body on the liquid has no reaction.
+//! Limits: the particles at two bodies at once are solved for each of them separately.
 
 use super::{
-    rigid_system::{BodySystem, Lever, dot, lever},
+    rigid_system::{Lever, dot, lever, yield_to},
     walls::{ROUNDING, RigidDensity, Walls},
 };
 use crate::{
@@ -200,8 +201,13 @@ impl RigidSide {
 
     /// Adds the reactions to the sums of `levers` of each body at its centre of mass; `scale` is the mass of a particle over Δt.
     fn react(&mut self, bodies: &mut [RigidBody], levers: &[Lever], scale: f64) {
-        for ((body, lever), impulse) in bodies.iter_mut().zip(levers).zip(&mut self.impulse) {
-            let [a, b, c, d, e, f] = lever.map(|part| -part * scale);
+        self.push(bodies, levers, -scale);
+    }
+
+    /// Adds `scale` times impulses and angular impulses to the bodies.
+    pub(super) fn push(&mut self, bodies: &mut [RigidBody], impulses: &[Lever], scale: f64) {
+        for ((body, lever), impulse) in bodies.iter_mut().zip(impulses).zip(&mut self.impulse) {
+            let [a, b, c, d, e, f] = lever.map(|part| part * scale);
             let (linear, angular) = (Vector3::new(a, b, c), Vector3::new(d, e, f));
             body.apply(linear, angular);
             impulse[0] += linear;
@@ -239,14 +245,14 @@ impl RigidSide {
         if contacts.is_empty() {
             return;
         }
-        let mut systems = vec![BodySystem::zero(); bodies.len()];
+        let mut rows: Vec<Vec<(Lever, f64)>> = vec![Vec::new(); bodies.len()];
         for contact in contacts {
             let body = contact.body as usize;
             let along = f64::from(contact.normal.dot(&contact.push));
-            systems[body].add(&lever(&bodies[body], contact.x, contact.normal), 1.0, along);
+            rows[body].push((lever(&bodies[body], contact.x, contact.normal), along));
         }
-        let solve = |(system, body): (BodySystem, &RigidBody)| system.solve(body, mass);
-        let yielded: Vec<Lever> = systems.into_iter().zip(&*bodies).map(solve).collect();
+        let yielded: Vec<Lever> =
+            rows.iter().zip(&*bodies).map(|(rows, body)| yield_to(rows, body, mass)).collect();
         let mut levers = vec![[0.0; 6]; bodies.len()];
         for &RigidContact { particle, body, x, normal, push } in contacts {
             let body = body as usize;

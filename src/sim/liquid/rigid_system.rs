@@ -1,7 +1,7 @@
 //! The six velocities of a rigid body that is solved together with the constraints of particles at it; see `rigid.rs`.
 
 use crate::{math::Vec3, solid::RigidBody};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Vector3, Vector6};
 
 /// Direction of a constraint between a particle and a body, (∇, r × ∇).
 pub(super) type Lever = [f64; 6];
@@ -39,15 +39,58 @@ impl BodySystem {
 
     /// Displacement of the body that solves the system, with particles of `mass` [kg].
     pub(super) fn solve(mut self, body: &RigidBody, mass: f64) -> Lever {
-        let inertia = body.world_inverse_inertia().try_inverse().unwrap_or_else(Matrix3::zeros);
-        for axis in 0..3 {
-            self.matrix[axis][axis] += body.mass() / mass;
-            for other in 0..3 {
-                self.matrix[3 + axis][3 + other] += inertia[(axis, other)] / mass;
-            }
+        let own = body.mass_matrix() / mass;
+        for (i, row) in self.matrix.iter_mut().enumerate() {
+            row.iter_mut().enumerate().for_each(|(j, entry)| *entry += own[(i, j)]);
         }
         cholesky(self.matrix, self.right)
     }
+}
+
+/// Iterations of [`yield_to`] at most; they end earlier, once the contacts that push are those of the last full step.
+const MAX_YIELD_ITERATIONS: u32 = 50;
+
+/// Bisections of a step.
+const MAX_BISECTIONS: u32 = 40;
+
+/// What a body with contacts yields to them, given their levers l and pushes a: q of the minimum of ½ Σ max(0, a − l·q)² + ½ q·M q, with M over the `mass` of
+/// a particle [kg]. A contact that the body leaves does not pull, and M q = Σ l max(0, a − l·q) is what contacts give.
+///
+/// *Method*: Newton's method with the contacts that push, and the exact minimum along its steps, as the function is convex.
+pub(super) fn yield_to(contacts: &[(Lever, f64)], body: &RigidBody, mass: f64) -> Lever {
+    let mass_matrix = body.mass_matrix() / mass;
+    let mut at = Vector6::zeros();
+    let left = |q: &Vector6<f64>, (lever, along): &(Lever, f64)| along - Vector6::from(*lever).dot(q);
+    let pushes = |q: &Vector6<f64>| -> Vec<bool> { contacts.iter().map(|row| left(q, row) > 0.0).collect() };
+    let mut pushing = pushes(&at);
+    for _ in 0..MAX_YIELD_ITERATIONS {
+        let mut system = BodySystem::zero();
+        for ((lever, along), _) in contacts.iter().zip(&pushing).filter(|(_, pushes)| **pushes) {
+            system.add(lever, 1.0, *along);
+        }
+        let step = Vector6::from(system.solve(body, mass)) - at;
+        let slope = |t: f64| {
+            let q = at + step * t;
+            let pushed = |row: &(Lever, f64)| left(&q, row).max(0.0) * Vector6::from(row.0).dot(&step);
+            step.dot(&(mass_matrix * q)) - contacts.iter().map(pushed).sum::<f64>()
+        };
+        let mut part = 1.0;
+        // Rounding alone is no reason for a shorter step.
+        if slope(1.0) > 1e-9 * slope(0.0).abs() {
+            let [mut low, mut high] = [0.0, 1.0];
+            for _ in 0..MAX_BISECTIONS {
+                part = 0.5 * (low + high);
+                if slope(part) > 0.0 { high = part } else { low = part }
+            }
+        }
+        at += step * part;
+        let now = pushes(&at);
+        if part == 1.0 && now == pushing {
+            break;
+        }
+        pushing = now;
+    }
+    at.into()
 }
 
 /// Solution of a positive definite system; zeros if it is singular.
@@ -86,6 +129,10 @@ pub(super) fn dot(a: &Lever, b: &Lever) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{
+        math::Random,
+        solid::{BodyState, MassProperties, Shape},
+    };
 
     #[test]
     fn a_positive_definite_system_is_solved() {
@@ -99,5 +146,46 @@ mod tests {
             assert!((dot(row, &solution) - right).abs() < 1e-9 * right.abs().max(1.0));
         }
         assert_eq!(cholesky([[0.0; 6]; 6], [1.0; 6]), [0.0; 6]);
+    }
+
+    #[test]
+    fn what_a_body_yields_balances_the_contacts_that_push() {
+        let random = Random::new([4, 5, 6]);
+        let mut next = 0;
+        let mut vector = || {
+            next += 1;
+            random.vector(next) - Vec3::repeat(0.5)
+        };
+        let mut left_behind = 0;
+        for count in [1, 3, 8, 30, 200] {
+            for density in [1e-4_f32, 1e-2, 1.0, 1e3] {
+                for _ in 0..20 {
+                    let shape = Shape::Sphere { center: [0.0; 3], radius: 0.5 };
+                    let properties = MassProperties::new(&shape, f64::from(density)).unwrap();
+                    let state = BodyState {
+                        position: Vec3::zeros(),
+                        rotation: (Vec3::zeros(), 1.0),
+                        velocity: Vec3::zeros(),
+                        angular_velocity: Vec3::zeros(),
+                    };
+                    let body = RigidBody::new(properties, &state).unwrap();
+                    let mut contact =
+                        || (lever(&body, vector(), vector().normalize()), f64::from(vector().x));
+                    let contacts: Vec<(Lever, f64)> = (0..count).map(|_| contact()).collect();
+                    let q = Vector6::from(yield_to(&contacts, &body, 1.0));
+                    let mut given = Vector6::zeros();
+                    for (lever, along) in &contacts {
+                        let (lever, pushed) = (Vector6::from(*lever), *along > 0.0);
+                        let push = (along - lever.dot(&q)).max(0.0);
+                        left_behind += u32::from(pushed && push == 0.0);
+                        given += lever * push;
+                    }
+                    let off = (body.mass_matrix() * q - given).norm();
+                    let scale = contacts.iter().map(|(_, along)| along.abs()).sum::<f64>();
+                    assert!(off < 1e-9 * scale, "{count} contacts, {density}: {off}");
+                }
+            }
+        }
+        assert!(left_behind > 100, "contacts open: {left_behind}");
     }
 }
