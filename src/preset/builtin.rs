@@ -19,6 +19,7 @@ pub fn all() -> &'static [(&'static str, &'static str)] {
         ("filling-glass", include_str!("../../presets/filling-glass.toml")),
         ("flag-in-smoke", include_str!("../../presets/flag-in-smoke.toml")),
         ("floating-crates", include_str!("../../presets/floating-crates.toml")),
+        ("fruit-in-honey", include_str!("../../presets/fruit-in-honey.toml")),
         ("fountain", include_str!("../../presets/fountain.toml")),
         ("honey", include_str!("../../presets/honey.toml")),
         ("leapfrog-rings", include_str!("../../presets/leapfrog-rings.toml")),

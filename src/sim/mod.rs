@@ -4,10 +4,13 @@
 //! observes and interrupts it. [`Stop`] is the error that ends it, and a [`FrameRecord`] describes every frame.
 
 /// Version of the simulated state, raised with every change of its bits, so that a resumed cache never mixes two solvers.
-pub const STATE_VERSION: u32 = 22;
+pub const STATE_VERSION: u32 = 23;
 
 /// The same of smoke, whose changes leave shots without smoke alone.
 const SMOKE_STATE_VERSION: u32 = 4;
+
+/// The same of shots with rigid bodies.
+const BODY_STATE_VERSION: u32 = 1;
 
 mod clock;
 pub mod coupling;

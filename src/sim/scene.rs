@@ -261,6 +261,8 @@ impl Scene {
             sheets: &'a Option<SheetsCommon>,
             #[serde(skip_serializing_if = "Vec::is_empty")]
             body: Vec<BodyParams>,
+            #[serde(skip_serializing_if = "Option::is_none")]
+            body_solver: Option<u32>,
             #[serde(skip_serializing_if = "Vec::is_empty")]
             coupling: Vec<Coupling>,
             #[serde(skip_serializing_if = "<[ForceParams]>::is_empty")]
@@ -296,6 +298,7 @@ impl Scene {
         let smoke_solver = smoke.as_ref().map(|_| super::SMOKE_STATE_VERSION);
         let mut world = world.clone();
         world.collider.iter_mut().for_each(|collider| collider.look = None);
+        let body_solver = (!body.is_empty()).then_some(super::BODY_STATE_VERSION);
         let mut body = body.clone();
         body.iter_mut().for_each(|body| body.look = None);
         let mut liquid = liquid.as_ref().map(LiquidParams::without_colors);
@@ -319,6 +322,7 @@ impl Scene {
             sheet,
             sheets,
             body,
+            body_solver,
             coupling,
             force,
             branch,

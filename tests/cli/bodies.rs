@@ -123,10 +123,6 @@ fn faults_of_bodies_are_named_with_their_place() {
         (body("density = 500", "density = 500\nrestitution = 1.5"), "restitution"),
         (body("density = 500", "density = 500\nfriction = -1"), "friction"),
         (body("density = 500", "density = 500\ncontact_angle = 60"), "needs a liquid with surface tension"),
-        (
-            format!("{}{CRATE}", SMALL.replacen("[liquid.xsph]", "[liquid.viscosity]\ndynamic = 1", 1)),
-            "viscous drag does not act",
-        ),
         (body("position = [1.2", "position = [nan"), "position"),
         (body(cube, "plane = { point = [0, 0, 0], normal = [0, 0, 1] }"), "bounded"),
         (body(cube, "tank = { min = [0, 0, 0], max = [1, 1, 1] }"), "bounded"),
@@ -168,6 +164,13 @@ fn faults_of_bodies_are_named_with_their_place() {
     );
     let (_, talk) = desk.run("simulate through.toml --set body.0.position=[0.5,0.5,1]", 0);
     assert!(talk.contains("points of sheets start inside rigid bodies"), "{talk}");
+
+    let viscous = SMALL.replacen("[liquid.xsph]", "[liquid.viscosity]\ndynamic = 100", 1);
+    desk.write("viscous.toml", format!("{viscous}{CRATE}"));
+    let (_, talk) = desk.run("simulate viscous.toml --frames 1", 0);
+    assert!(talk.contains("which hold bodies of up to twice its density"), "{talk}");
+    let (_, talk) = desk.run("simulate viscous.toml -o wide --frames 1 --set liquid.kernel_radius=2.5", 0);
+    assert!(!talk.contains("which hold bodies"), "{talk}");
 
     // Bodies that start inside the tank's walls or each other are counted.
     desk.write("overlap.toml", format!("{SMALL}{CRATE}{}", CRATE.replacen("1.2, 0.4", "1.5, 0.4", 1)));

@@ -153,6 +153,7 @@ fn built_in_presets_are_listed_shown_copied_and_run() {
         "filling-glass",
         "floating-crates",
         "fountain",
+        "fruit-in-honey",
         "honey",
         "rain-on-pond",
         "sundae",

@@ -160,24 +160,28 @@ fn the_state_has_the_same_bits_at_any_number_of_threads_and_after_a_restart() {
             BodyParams { rotation: [20.0, 30.0, 0.0], ..at(cuboid([0.05; 3]), 400.0, [0.2, 0.2, 0.3]) };
         vec![turned, at(Shape::Sphere { center: [0.0; 3], radius: 0.04 }, 900.0, [0.1, 0.12, 0.1])]
     };
-    let run = || {
-        let mut simulation = tank(0.4, 0.2, 0.02, "", params());
-        advance(&mut simulation, 3);
-        let middle = state(&simulation);
-        advance(&mut simulation, 3);
-        (middle, state(&simulation))
-    };
-    let (middle, end) = par::with_threads(1, run);
-    for &threads in thread_counts() {
-        assert!(par::with_threads(threads, run) == (middle.clone(), end.clone()), "{threads} threads");
+    for terms in ["", "viscosity = { dynamic = 5 }"] {
+        let run = || {
+            let mut simulation = tank(0.4, 0.2, 0.02, terms, params());
+            advance(&mut simulation, 3);
+            let middle = state(&simulation);
+            advance(&mut simulation, 3);
+            (middle, state(&simulation))
+        };
+        let (middle, end) = par::with_threads(1, run);
+        for &threads in thread_counts() {
+            let found = par::with_threads(threads, run);
+            assert!(found == (middle.clone(), end.clone()), "{threads} threads, {terms}");
+        }
+        let walls = Shape::Tank { min: [0.0; 3], max: [0.4, 0.4, 1.2] };
+        let world = World { gravity: Vec3::new(0.0, 0.0, -G), solids: vec![Solid::fixed(walls)] };
+        let text = format!("spacing = 0.02\n{terms}");
+        let liquid: LiquidParams = toml::from_str(&text).expect("it has a spacing");
+        let systems = Systems { liquid: Some(liquid), bodies: params(), ..Systems::default() };
+        let mut restored = Simulation::restore(world, systems, &middle).expect("the frame has the state");
+        advance(&mut restored, 3);
+        assert!(state(&restored) == end, "{terms}");
     }
-    let walls = Shape::Tank { min: [0.0; 3], max: [0.4, 0.4, 1.2] };
-    let world = World { gravity: Vec3::new(0.0, 0.0, -G), solids: vec![Solid::fixed(walls)] };
-    let liquid: LiquidParams = toml::from_str("spacing = 0.02").expect("it has a spacing");
-    let systems = Systems { liquid: Some(liquid), bodies: params(), ..Systems::default() };
-    let mut restored = Simulation::restore(world, systems, &middle).expect("the frame has the state");
-    advance(&mut restored, 3);
-    assert!(state(&restored) == end);
 }
 
 #[test]

@@ -45,7 +45,7 @@ impl Liquid {
     }
 
     /// Resolves contacts of the bodies after impulses, and moves the solids with them.
-    fn move_bodies(&mut self, partners: &mut Partners<'_>, clock: &mut Clock) {
+    pub(super) fn move_bodies(&mut self, partners: &mut Partners<'_>, clock: &mut Clock) {
         let Some(bodies) = &mut partners.bodies else { return };
         clock.time("bodies", || bodies.resolve_contacts());
         self.walls.set_rigid_bodies(bodies.bodies().iter().map(|body| [body.start_pose(), body.pose()]));

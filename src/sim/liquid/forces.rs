@@ -1,8 +1,8 @@
 //! Forces between the prediction and the density solve of a substep: viscosity, surface tension and artificial pressure.
 
 use super::{
-    Clock, Directions, Diverged, Liquid, LiquidRecord, Partners, Solver, Stop, ViscousStep, Watch, lanes,
-    setup,
+    Clock, CoupledBodies, Directions, Diverged, Liquid, LiquidRecord, Partners, Solver, Stop, ViscousStep,
+    Watch, lanes, setup,
 };
 
 impl Liquid {
@@ -29,16 +29,19 @@ impl Liquid {
         self.momentum.keep(&self.solver, &mut viscosity.pressures);
         let solve = clock.time("viscosity", || {
             let reach = setup(&self.params, &self.rest, &self.walls).boundary_reach();
-            let Solver { nodes, lists, p, clearance, .. } = &mut self.solver;
+            let Solver { nodes, lists, p, clearance, rigid, .. } = &mut self.solver;
             lanes::publish_positions(nodes, &self.x, self.rest.inv_support);
-            let (rest, walls) = (&self.rest, &self.walls);
-            let source = self.source.as_slice();
-            viscosity.apply(
-                ViscousStep { rest, walls, lists, p, clearance, reach, dt, source },
-                nodes,
-                &mut self.v,
-            )
+            let (rest, walls, mass) = (&self.rest, &self.walls, self.mass);
+            let (source, pairs) = (self.source.as_slice(), rigid.pairs.as_slice());
+            let bodies = partners.bodies.as_deref().map_or(&[][..], CoupledBodies::bodies);
+            let step =
+                ViscousStep { rest, walls, lists, p, clearance, reach, dt, source, bodies, pairs, mass };
+            viscosity.apply(step, nodes, &mut self.v)
         });
+        if let Some(bodies) = &mut partners.bodies {
+            self.solver.rigid.push(bodies.bodies_mut(), &viscosity.impulses(), self.mass);
+        }
+        self.move_bodies(partners, clock);
         record.viscosity_iterations += solve.iterations;
         record.viscosity_unconverged += u32::from(!solve.converged);
         record.viscosity_residual = record.viscosity_residual.max(solve.residual);

@@ -21,6 +21,7 @@ mod correction;
 mod coupled;
 mod density;
 mod density_map;
+mod depth;
 mod drain;
 mod emit;
 mod energy;
@@ -60,6 +61,7 @@ mod state;
 mod surface_tension;
 mod target;
 mod viscosity;
+mod viscous_bodies;
 mod viscous_kernel;
 mod vorticity;
 mod walls;
@@ -236,10 +238,11 @@ impl Liquid {
             self.relax(clock, &mut record, watch)?;
         }
         self.retain_from_frame(clock)?;
+        let waves = clock.time("predict", || self.wave_speed());
         advance_frame(span, watch, |progress, watch| {
             let (now, left, seconds) = (progress.now(), progress.left, progress.seconds);
             self.sample_forces(now, clock);
-            let [wanted, mut remaining] = self.substeps_left(now, left, &partners, record.substeps);
+            let [wanted, mut remaining] = self.substeps_left([now, left, waves], &partners, record.substeps);
             if let Some(coupled) = &mut partners.system {
                 remaining = remaining.max(coupled.substeps_left(now, left, seconds, record.substeps)?);
             }
@@ -497,9 +500,9 @@ impl Liquid {
         record.clamps.micropolar += u64::from(bounded);
     }
 
-    /// Number of equal substeps that the CFL rule wants for the `left` [s] of the frame, and the number within the limits of
-    /// the preset after `done` substeps.
-    fn substeps_left(&self, now: f64, left: f64, partners: &Partners<'_>, done: u32) -> [u32; 2] {
+    /// Number of equal substeps that the CFL rule wants for the `left` [s] of the frame, with the speed of `waves` [m/s], and the number
+    /// within the limits of the preset after `done` substeps.
+    fn substeps_left(&self, [now, left, waves]: [f64; 3], partners: &Partners<'_>, done: u32) -> [u32; 2] {
         let fastest = par::max(self.v.len(), |i| self.v[i].norm()).map_or(0.0, |(_, speed)| f64::from(speed));
         let coupled = partners.system.as_deref().map_or(0.0, CoupledSystem::max_speed);
         let bodies = partners.bodies.as_deref().map_or(0.0, CoupledBodies::max_speed);
@@ -515,7 +518,7 @@ impl Liquid {
         let wanted = (left * root / (2.0 * allowed)).max(left / longest);
         let forces = self.forces.as_ref();
         let forced = forces.map_or(0.0, |forces| forces.substep_rate(&self.v, self.gravity, allowed, other));
-        let wanted = wanted.max(left * forced);
+        let wanted = wanted.max(left * forced).max(left * waves / allowed);
         let wanted = (wanted - 1e-6).ceil().clamp(1.0, 4e9) as u32;
         let min_substeps = self.params.min_substeps.saturating_sub(done).max(1);
         let max_substeps = self.params.max_substeps.saturating_sub(done).max(1);

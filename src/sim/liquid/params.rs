@@ -44,8 +44,8 @@ pub struct LiquidParams {
     /// Fixed number of iterations of a substep, as in the paper (2–10), instead of `density_dev`. Range: 1 to 100000.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub iterations: Option<u32>,
-    /// CFL number: largest displacement of a particle in a substep, in spacings. A larger value is faster; above 1 thin
-    /// colliders leak and splashes scatter. Range: above 0, at most 10.
+    /// CFL number: largest displacement of a particle in a substep, in spacings, and of surface waves on the deepest liquid. A larger
+    /// value is faster; above 1 thin colliders leak, splashes scatter, and deep liquid at rest swells. Range: above 0, at most 10.
     #[serde(default = "defaults::cfl")]
     pub cfl: f32,
     /// Fewest substeps of a frame. More substeps cost time and keep deep water from bouncing: 32 layers sag by 2 % and surge

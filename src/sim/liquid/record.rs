@@ -20,6 +20,8 @@ pub struct LiquidSeeds {
     pub solver_viscosity: f64,
     /// That speed [m/s].
     pub speed: f64,
+    /// Whether the rows of resting liquid can hold rigid bodies, as viscosity keeps them and the kernel is narrow; not after a restart.
+    pub rows_hold_bodies: bool,
     /// The sources without particles, in order; none after a restart.
     pub empty_sources: Vec<EmptySource>,
     /// Colliders so thin that liquid on one side acts on liquid on the other, in order; none after a restart.

@@ -23,10 +23,13 @@ use super::{
     lanes::{self, Node},
     pair::Pair,
     pass::{self, NeighbourPass},
+    rigid::Pair as RigidPair,
+    rigid_system::Lever,
+    viscous_bodies::ViscousBodies,
     viscous_kernel::ViscousKernel,
     walls::{WallDrag, Walls},
 };
-use crate::{math::Vec3, par, simd::Lanes, space::Neighbours};
+use crate::{math::Vec3, par, simd::Lanes, solid::RigidBody, space::Neighbours};
 
 /// The smallest sum that normalises the kernel, as a fraction of that at rest. With it, a thread of single particles
 /// still has its viscosity; without it, two particles that barely touch would be welded.
@@ -59,6 +62,8 @@ pub(super) struct ViscositySolver {
     residual: Vec<Vec3>,
     /// Change of velocity [m/s].
     change: Vec<Vec3>,
+    /// Drag on rigid bodies.
+    bodies: ViscousBodies,
     /// Pressures of the first density solve of a substep, from which that of the next substep starts.
     pub(super) pressures: Vec<f32>,
 }
@@ -77,6 +82,10 @@ pub(super) struct ViscousStep<'a> {
     pub(super) dt: f32,
     /// Source of each particle, if viscosities differ between them.
     pub(super) source: &'a [u32],
+    /// The rigid bodies and the pairs of particles near them, which are empty without any, and the mass of a particle [kg].
+    pub(super) bodies: &'a [RigidBody],
+    pub(super) pairs: &'a [RigidPair],
+    pub(super) mass: f64,
 }
 
 /// Report of a solve.
@@ -86,7 +95,7 @@ pub(super) struct ViscositySolve {
     /// Residual over the change of velocity, both as root mean squares.
     pub(super) residual: f64,
     pub(super) converged: bool,
-    /// Work of moving solids by drag, over the mass of a particle [m²/s²].
+    /// Work of moving colliders by drag, over the mass of a particle [m²/s²].
     pub(super) work: f64,
 }
 
@@ -94,7 +103,8 @@ impl ViscositySolver {
     /// Viscosity of a liquid with `params`, which are those of the table `viscosity`.
     pub(super) fn new(params: &ImplicitViscosity, liquid: &LiquidParams, rest: &RestState) -> Self {
         let mut by_source = liquid.viscosities();
-        let largest = by_source.iter().copied().fold(0.0, f32::max);
+        // A restored liquid may have no source left.
+        let largest = by_source.iter().copied().reduce(f32::max).unwrap_or(params.dynamic);
         by_source.iter_mut().for_each(|viscosity| *viscosity = (*viscosity / largest).max(MIN_FRACTION));
         if by_source.iter().all(|&fraction| fraction == 1.0) {
             by_source.clear();
@@ -110,6 +120,7 @@ impl ViscositySolver {
             product: Vec::new(),
             residual: Vec::new(),
             change: Vec::new(),
+            bodies: ViscousBodies::default(),
             pressures: Vec::new(),
         }
     }
@@ -134,6 +145,7 @@ impl ViscositySolver {
         let fraction = |i: usize| if by_source.is_empty() { 1.0 } else { by_source[step.source[i] as usize] };
         par::fill(&mut self.direction, |i| Node::new(before[i], fraction(i)));
         self.multiply(&step, nodes);
+        self.bodies.start();
         let (drag, product) = (&self.drag, &self.product);
         par::fill(&mut self.residual, |i| drag[i].drive - product[i]);
         par::fill(&mut self.change, |_| Vec3::zeros());
@@ -141,9 +153,9 @@ impl ViscositySolver {
         par::update(&mut self.direction, |i, d| *d = Node::new(residual[i], d.value()));
 
         let norm2 = |v: &[Vec3]| par::sum(v.len(), |i| v[i].iter().map(|&c| f64::from(c).powi(2)).sum());
-        let rounding2 = ROUNDING.powi(2) * norm2(v);
+        let rounding2 = ROUNDING.powi(2) * (norm2(v) + self.bodies.velocity2());
         let tolerance2 = f64::from(self.params.tolerance).powi(2);
-        let (mut residual2, mut change2) = (norm2(&self.residual), 0.0);
+        let (mut residual2, mut change2) = (norm2(&self.residual) + self.bodies.norms2()[0], 0.0);
         let mut solve = ViscositySolve::default();
         loop {
             solve.converged = residual2 <= rounding2.max(tolerance2 * change2);
@@ -159,6 +171,7 @@ impl ViscositySolver {
             par::update(&mut self.direction, |i, d| {
                 *d = Node::new(residual[i] + d.vector() * beta, d.value())
             });
+            self.bodies.update_direction(f64::from(beta));
             solve.iterations += 1;
         }
         if change2 > 0.0 {
@@ -199,12 +212,21 @@ impl ViscositySolver {
         }
         let weight = &*weight;
         par::update(drag, |i, drag| drag.scale(2.0 * weight[i]));
+        self.bodies.assemble(step.bodies, (step.pairs, step.p), step.mass, |i, body| {
+            // Particles that no solid resists, as in nozzles, have no row for it either.
+            if step.clearance[i] > step.reach {
+                return None;
+            }
+            let mut resistance = step.walls.rigid_resistance(body, step.p[i], kernel)?;
+            resistance.scale(2.0 * weight[i]);
+            Some(resistance)
+        });
         par::update(nodes, |i, node| node.0[3] = weight[i]);
     }
 
     /// Multiplies the direction by Δt A. Returns the direction times (1 + Δt A) times the direction.
     fn multiply(&mut self, step: &ViscousStep<'_>, nodes: &[Node]) -> f64 {
-        let Self { drag, direction, product, by_source, .. } = self;
+        let Self { drag, direction, product, by_source, bodies, .. } = self;
         let (drag, direction, is_uniform) = (&**drag, &**direction, by_source.is_empty());
         let partials = par::map_chunks_mut([product.as_mut_slice()], par::CHUNK, |start, [product]| {
             let buffers = OperatorBuffers { nodes, direction, lists: step.lists, drag, start, product };
@@ -213,13 +235,19 @@ impl ViscositySolver {
                 false => pass::run(step.rest.kernel, ViscosityPass::<false>(buffers)),
             }
         });
-        partials.into_iter().sum()
+        partials.into_iter().sum::<f64>() + bodies.multiply(|i| direction[i].vector(), product)
+    }
+
+    /// Impulses and angular impulses of the last solve on the rigid bodies, over the mass of a particle [m/s], [m²/s].
+    pub(super) fn impulses(&self) -> Vec<Lever> {
+        self.bodies.impulses()
     }
 
     /// Advances change and residual along the direction by `alpha`. Returns the squares of residual and change.
     fn advance(&mut self, alpha: f32) -> [f64; 2] {
-        let Self { direction, product, residual, change, .. } = self;
+        let Self { direction, product, residual, change, bodies, .. } = self;
         let (direction, product) = (&**direction, &**product);
+        bodies.advance(f64::from(alpha));
         let slices: [&mut [Vec3]; 2] = [residual, change];
         let partials = par::map_chunks_mut(slices, par::CHUNK, |start, [residual, change]| {
             let mut sums = [0.0; 2];
@@ -233,7 +261,7 @@ impl ViscositySolver {
             }
             sums
         });
-        partials.into_iter().fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d])
+        partials.into_iter().fold(bodies.norms2(), |[a, b], [c, d]| [a + c, b + d])
     }
 }
 
@@ -390,8 +418,19 @@ mod tests {
         let mut after = before.clone();
         let Solver { nodes, lists, clearance, .. } = &mut solver;
         let reach = setup.boundary_reach();
-        let step =
-            ViscousStep { rest: &rest, walls: &walls, lists, p: &p, clearance, reach, dt, source: &source };
+        let step = ViscousStep {
+            rest: &rest,
+            walls: &walls,
+            lists,
+            p: &p,
+            clearance,
+            reach,
+            dt,
+            source: &source,
+            bodies: &[],
+            pairs: &[],
+            mass: 1.0,
+        };
         assert!(viscosity.apply(step, nodes, &mut after).converged);
         (p, before, after)
     }

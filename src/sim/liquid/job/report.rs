@@ -65,6 +65,13 @@ pub(super) fn seeding_warnings(seeds: &LiquidSeeds) -> Vec<String> {
              liquid.spacing, or leave `liquid.viscosity` out to save its time"
         ));
     }
+    if seeds.rows_hold_bodies {
+        warnings.push(
+            "viscous liquid keeps its particles in rows, which hold bodies of up to twice its density in place: \
+             write liquid.kernel_radius = 2.5"
+                .into(),
+        );
+    }
     warnings
 }
 
@@ -365,5 +372,7 @@ mod tests {
         assert!(
             seeding_warnings(&seeds(50.0)).is_empty() && seeding_warnings(&LiquidSeeds::default()).is_empty()
         );
+        let held = LiquidSeeds { rows_hold_bodies: true, ..LiquidSeeds::default() };
+        assert!(seeding_warnings(&held)[0].contains("kernel_radius = 2.5"));
     }
 }

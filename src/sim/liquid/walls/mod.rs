@@ -20,7 +20,7 @@ mod surface_motion;
 mod wetting;
 
 pub(super) use friction::{PushedParticle, ROUNDING};
-pub(super) use no_slip::WallDrag;
+pub(super) use no_slip::{Resistance, WallDrag};
 pub(super) use rigid::RigidDensity;
 pub(super) use wetting::Wetting;
 

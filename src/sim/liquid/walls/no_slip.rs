@@ -7,26 +7,33 @@
 //! hardly moves anyway.
 
 use super::{Body, Walls};
-use crate::{math::Vec3, sim::liquid::viscous_kernel::ViscousKernel};
+use crate::{
+    math::Vec3,
+    sim::liquid::viscous_kernel::{HalfSpace, ViscousKernel},
+};
 
-/// Resistance of the solids to a particle's motion.
+/// Symmetric matrix of the resistance to a particle's motion: xx, yy, zz, xy, xz, yz.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(in crate::sim::liquid) struct WallDrag {
-    /// Symmetric matrix: xx, yy, zz, xy, xz, yz.
-    matrix: [f32; 6],
-    /// Matrix times the velocity of the surfaces [m/s].
-    pub(in crate::sim::liquid) drive: Vec3,
-    /// Velocity of the surfaces times `drive` [m²/s²].
-    pub(in crate::sim::liquid) work: f32,
-    /// Share of the solids in the sum that normalises the kernel.
-    pub(in crate::sim::liquid) sum: f32,
-}
+pub(in crate::sim::liquid) struct Resistance([f32; 6]);
 
-impl WallDrag {
+impl Resistance {
+    /// Of a half space with normal `n`.
+    fn of_half_space(n: Vec3, HalfSpace { normal, tangential, .. }: &HalfSpace) -> Self {
+        let more = normal - tangential;
+        Self([
+            tangential + more * n.x * n.x,
+            tangential + more * n.y * n.y,
+            tangential + more * n.z * n.z,
+            more * n.x * n.y,
+            more * n.x * n.z,
+            more * n.y * n.z,
+        ])
+    }
+
     /// Matrix times `v`.
     #[inline(always)]
     pub(in crate::sim::liquid) fn times(&self, v: Vec3) -> Vec3 {
-        let [xx, yy, zz, xy, xz, yz] = self.matrix;
+        let [xx, yy, zz, xy, xz, yz] = self.0;
         Vec3::new(
             xx * v.x + xy * v.y + xz * v.z,
             xy * v.x + yy * v.y + yz * v.z,
@@ -36,25 +43,44 @@ impl WallDrag {
 
     /// Multiplies the resistance.
     pub(in crate::sim::liquid) fn scale(&mut self, factor: f32) {
-        self.matrix.iter_mut().for_each(|entry| *entry *= factor);
+        self.0.iter_mut().for_each(|entry| *entry *= factor);
+    }
+}
+
+/// Resistance of the solids to a particle's motion.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(in crate::sim::liquid) struct WallDrag {
+    resistance: Resistance,
+    /// Matrix times the velocity of the surfaces of colliders [m/s].
+    pub(in crate::sim::liquid) drive: Vec3,
+    /// Velocity of these surfaces times `drive` [m²/s²].
+    pub(in crate::sim::liquid) work: f32,
+    /// Share of the solids in the sum that normalises the kernel.
+    pub(in crate::sim::liquid) sum: f32,
+}
+
+impl WallDrag {
+    /// Matrix times `v`.
+    #[inline(always)]
+    pub(in crate::sim::liquid) fn times(&self, v: Vec3) -> Vec3 {
+        self.resistance.times(v)
+    }
+
+    /// Multiplies the resistance.
+    pub(in crate::sim::liquid) fn scale(&mut self, factor: f32) {
+        self.resistance.scale(factor);
         self.drive *= factor;
         self.work *= factor;
     }
 
     /// Adds a half space with normal `n` whose surface moves with `u` [m/s].
-    fn add(&mut self, n: Vec3, normal: f32, tangential: f32, u: Vec3) {
-        let more = normal - tangential;
-        let matrix = [
-            tangential + more * n.x * n.x,
-            tangential + more * n.y * n.y,
-            tangential + more * n.z * n.z,
-            more * n.x * n.y,
-            more * n.x * n.z,
-            more * n.y * n.z,
-        ];
-        self.matrix.iter_mut().zip(matrix).for_each(|(sum, entry)| *sum += entry);
+    fn add(&mut self, n: Vec3, half_space: &HalfSpace, u: Vec3) {
+        let resistance = Resistance::of_half_space(n, half_space);
+        self.resistance.0.iter_mut().zip(resistance.0).for_each(|(sum, entry)| *sum += entry);
+        self.sum += half_space.sum;
         if u != Vec3::zeros() {
-            let drive = u * tangential + n * (more * n.dot(&u));
+            let more = half_space.normal - half_space.tangential;
+            let drive = u * half_space.tangential + n * (more * n.dot(&u));
             self.drive += drive;
             self.work += u.dot(&drive);
         }
@@ -62,14 +88,13 @@ impl WallDrag {
 }
 
 impl Walls {
-    /// Resistance of the solids at `x` in a substep of `dt` [s], before it is normalised.
+    /// Resistance of the solids at `x` in a substep of `dt` [s], before it is normalised. The velocities of rigid bodies are not in it.
     pub(in crate::sim::liquid) fn drag(&self, x: Vec3, dt: f32, kernel: &ViscousKernel) -> WallDrag {
         let mut out = WallDrag::default();
         let mut add = |d: f32, n: Vec3, mover: Option<usize>, body: Option<&Body>| {
-            let half_space = kernel.half_space(d * self.inv_support);
-            let u = mover.map_or(Vec3::zeros(), |mover| self.displacement(mover, body, x) / dt);
-            out.sum += half_space.sum;
-            out.add(n, half_space.normal, half_space.tangential, u);
+            let driven = mover.filter(|&mover| mover < self.keyframed);
+            let u = driven.map_or(Vec3::zeros(), |mover| self.displacement(mover, body, x) / dt);
+            out.add(n, &kernel.half_space(d * self.inv_support), u);
         };
         for plane in &self.planes {
             let d = plane.n.dot(&x) - plane.offset;
@@ -78,22 +103,39 @@ impl Walls {
             }
         }
         for body in self.near(x, self.support).map(|body| &self.bodies[body]) {
-            if self.body_distance(body, x) < self.support {
-                let (d, n) = match &body.density_map {
-                    // The distance of the half space with the same density, which edges reduce.
-                    Some(map) => {
-                        let pose = body.mover.map(|mover| &self.movers[mover].now);
-                        let (d, n) = map.contact(pose.map_or(x, |pose| pose.to_local(x)));
-                        (d, pose.map_or(n, |pose| pose.rotation * n))
-                    }
-                    None => self.body_contact(body, x),
-                };
-                if d < self.support {
-                    add(d, n, body.mover, Some(body));
-                }
+            if let Some((d, n)) = self.resisting_contact(body, x) {
+                add(d, n, body.mover, Some(body));
             }
         }
         out
+    }
+
+    /// Resistance of a rigid body at `x`, before it is normalised; `None`: it is too far away.
+    pub(in crate::sim::liquid) fn rigid_resistance(
+        &self,
+        body: usize,
+        x: Vec3,
+        kernel: &ViscousKernel,
+    ) -> Option<Resistance> {
+        let (d, n) = self.resisting_contact(&self.bodies[self.rigid_index(body)], x)?;
+        Some(Resistance::of_half_space(n, &kernel.half_space(d * self.inv_support)))
+    }
+
+    /// Distance and normal of the half space that stands for a body; `None`: it is too far away.
+    fn resisting_contact(&self, body: &Body, x: Vec3) -> Option<(f32, Vec3)> {
+        if self.body_distance(body, x) >= self.support {
+            return None;
+        }
+        let (d, n) = match &body.density_map {
+            // The distance of the half space with the same density, which edges reduce.
+            Some(map) => {
+                let pose = body.mover.map(|mover| &self.movers[mover].now);
+                let (d, n) = map.contact(pose.map_or(x, |pose| pose.to_local(x)));
+                (d, pose.map_or(n, |pose| pose.rotation * n))
+            }
+            None => self.body_contact(body, x),
+        };
+        (d < self.support).then_some((d, n))
     }
 }
 

@@ -56,7 +56,7 @@ impl Walls {
     }
 
     /// Index among [`Self::bodies`] of a rigid body.
-    fn rigid_index(&self, body: usize) -> usize {
+    pub(super) fn rigid_index(&self, body: usize) -> usize {
         self.bodies.len() - self.rigid_bodies() + body
     }
 

@@ -58,15 +58,6 @@ pub(super) fn check(scene: &Scene, places: &Places, findings: &mut Vec<Finding>)
         let unusable = source_finding(&path, &body.shape, places);
         more.extend(unusable.map(|finding| finding.with_help("a body needs a bounded shape with a volume")));
         let Some(liquid) = &scene.liquid else { continue };
-        if index == 0 && liquid.viscosity.is_some() {
-            report(
-                "liquid.viscosity".into(),
-                "viscous drag does not act on rigid bodies yet".into(),
-                "found `[[body]]` with `[liquid.viscosity]`, which would move liquid without a reaction"
-                    .into(),
-                "remove `[liquid.viscosity]`, or use a `[[world.collider]]` with keyframes in place of the body",
-            );
-        }
         let ratio = f64::from(body.density) / f64::from(liquid.density);
         if !(DENSITY_RATIOS[0]..=DENSITY_RATIOS[1]).contains(&ratio) {
             report(
