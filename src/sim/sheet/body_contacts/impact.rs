@@ -4,13 +4,14 @@
 //! surface and towards it, the normal there counts: an edge below which the sheet slides does not stop it. Where it ends deeper, as a taut
 //! sheet under a heavy body does, or beyond the body, the normal at the end may point anywhere, and the contact is where the path enters
 //! the body, found by steps of the signed distance.
-//! Limits: the rotation of the body bends paths by the square of its angle. A path that cuts off less than a 64th of its length is not seen.
+//! Limits: the rotation of the body bends paths by the square of its angle. A path that is inside for less than a 64th of its length may not be
+//! seen.
 
 use crate::math::Vec3;
 
 /// Distances over the body's inner radius: from the surface, within which a point has a contact though it does not reach the body, as others
-/// may push it there; how deep a path may end with the normal at its end; and from the surface, at which a path has reached it, or has
-/// entered the body.
+/// may push it there; how deep a path may end with the normal at its end, or cut off an edge; and from the surface, at which a path has
+/// reached it.
 pub(super) const MARGIN: f32 = 0.1;
 const SHALLOW: f32 = 0.03;
 const REACHED: f32 = 1e-3;
@@ -69,7 +70,7 @@ impl Path {
                 let kept = if step == 0 { distance.max(0.0) } else { distance };
                 reached = Some(Impact { place, gap: kept + normal.dot(&(to - place)), normal });
             }
-            if distance < -REACHED * self.radius {
+            if distance < -SHALLOW * self.radius {
                 return reached;
             }
             if part == 1.0 {
