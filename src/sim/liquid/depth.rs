@@ -20,7 +20,7 @@ fn depth(x: &[Vec3], gravity: Vec3, spacing: f32) -> f64 {
     let side = down.cross(&Vec3::ith(down.iamin(), 1.0)).normalize();
     let sides = [side, down.cross(&side)];
     let column =
-        |x: &Vec3| sides.map(|side| (side.dot(x) / (COLUMN_WIDTH * spacing) + COLUMN_SHIFT).floor() as i64);
+        |x: &Vec3| sides.map(|side| (side.dot(x) / (COLUMN_WIDTH * spacing) + COLUMN_SHIFT).floor() as i32);
     let mut columns = vec![[0; 2]; x.len()];
     par::fill(&mut columns, |i| column(&x[i]));
     par::sort_by_key(&mut columns, |&column| column);
@@ -42,25 +42,29 @@ mod tests {
 
     #[test]
     fn the_depth_is_that_of_the_deepest_column_along_gravity() {
-        let spacing = 0.1;
-        // 12 x 12 particles, 10 high in one half and 30 high in the other.
-        let place = |k: u32| {
-            let (column, z) = (k % 144, k / 144);
-            ((column % 12 < 8 && z < 30) || z < 10).then(|| {
-                Vec3::new((column % 12) as f32 + 0.5, (column / 12) as f32 + 0.5, z as f32) * spacing
-            })
-        };
-        let x: Vec<Vec3> = (0..144 * 30).filter_map(place).collect();
-        for (gravity, expected) in [
-            ([0.0, 0.0, -9.81], 3.0),
-            ([0.0, 0.0, 1e-3], 3.0),
-            ([-9.81, 0.0, 0.0], 1.2),
-            ([0.0, 5.0, 0.0], 1.2),
-            ([0.0; 3], 0.0),
-        ] {
-            let found = depth(&x, gravity.into(), spacing);
-            assert!((found - expected).abs() < 1e-6, "{gravity:?}: {found}");
+        // 12 x 12 particles, 10 high in one part and 30 high in the other, with rows at and between the edges of columns, also where these
+        // are rounded.
+        for (spacing, offset, first) in
+            [(0.1, 0.0, 0.0), (0.1, 0.5, 0.0), (0.003, 0.0, -191.0), (0.003, 0.5, -191.0)]
+        {
+            let place = |k: u32| {
+                let (column, z) = (k % 144, k / 144);
+                let cell = Vec3::new((column % 12) as f32, (column / 12) as f32, z as f32);
+                (column % 12 < 8 || z < 10)
+                    .then(|| (cell.add_scalar(offset) * spacing).add_scalar(4.0 * first * spacing))
+            };
+            let x: Vec<Vec3> = (0..144 * 30).filter_map(place).collect();
+            for (gravity, expected) in [
+                ([0.0, 0.0, -9.81], 30.0),
+                ([0.0, 0.0, 1e-3], 30.0),
+                ([-9.81, 0.0, 0.0], 12.0),
+                ([0.0, 5.0, 0.0], 12.0),
+                ([0.0; 3], 0.0),
+            ] {
+                let layers = depth(&x, gravity.into(), spacing) / f64::from(spacing);
+                assert!((layers - expected).abs() < 1e-5, "{gravity:?}, {spacing}, {offset}: {layers}");
+            }
         }
-        assert_eq!(depth(&[], Vec3::z(), spacing), 0.0);
+        assert_eq!(depth(&[], Vec3::z(), 0.1), 0.0);
     }
 }

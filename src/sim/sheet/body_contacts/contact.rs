@@ -59,11 +59,11 @@ impl BodyContacts {
         bodies: &[RigidBody],
         momenta: &[[Vector3<f64>; 2]],
     ) -> Option<[f64; 2]> {
-        let is_pushed = |body| {
-            self.list.iter().any(|contact| contact.body == Some(body) && contact.push != Vec3::zeros())
-        };
+        let mut is_pushed = vec![false; bodies.len()];
+        let pushing = self.list.iter().filter(|contact| contact.push != Vec3::zeros());
+        pushing.filter_map(|contact| contact.body).for_each(|body| is_pushed[body] = true);
         let of = |(index, (body, momenta)): (usize, (&RigidBody, &[Vector3<f64>; 2]))| {
-            is_pushed(index).then(|| [body.kinetic_energy(), body.energy_of_change(momenta)])
+            is_pushed[index].then(|| [body.kinetic_energy(), body.energy_of_change(momenta)])
         };
         let pushed = bodies.iter().zip(momenta).enumerate().filter_map(of);
         pushed.reduce(|sum, one| [sum[0] + one[0], sum[1] + one[1]])

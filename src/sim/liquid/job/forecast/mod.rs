@@ -45,6 +45,9 @@ const MICROPOLAR_BYTES: f64 = 64.0;
 /// Projections by solids, and pairs of particles and rigid bodies, of which the lists exist twice while they are found [bytes/particle].
 const BODY_BYTES: f64 = 12.0 + 4.0 + 2.0 * 52.0;
 
+/// Viscous drag between particles and rigid bodies, of which the list exists twice while it is assembled [bytes/particle].
+const VISCOUS_BODY_BYTES: f64 = 4.0 + 2.0 * 44.0;
+
 /// What forces do to each particle [bytes/particle].
 const FORCE_BYTES: f64 = 40.0;
 
@@ -62,7 +65,9 @@ pub(super) fn memory(scene: &Scene, liquid: &LiquidParams, particles: f64) -> f6
     let friction = if rough { FRICTION_BYTES } else { 0.0 };
     let forces = if scene.force.is_empty() { 0.0 } else { FORCE_BYTES };
     let bodies = if scene.body.is_empty() { 0.0 } else { BODY_BYTES };
-    let terms = viscosity + tension + micropolar + friction + forces + bodies;
+    let has_viscous_bodies = liquid.viscosity.is_some() && !scene.body.is_empty();
+    let viscous_bodies = if has_viscous_bodies { VISCOUS_BODY_BYTES } else { 0.0 };
+    let terms = viscosity + tension + micropolar + friction + forces + bodies + viscous_bodies;
     particles * (PARTICLE_BYTES - NEIGHBOR_BYTES + neighbors + terms)
 }
 
