@@ -1,7 +1,7 @@
 //! Checks of shapes and their motion, for every table of a preset that has some.
 
 use super::{check::Places, problem::Finding};
-use crate::solid::{Collider, Keyframe, Shape, ShapeError};
+use crate::solid::{Keyframe, Shape, ShapeError};
 
 /// Whether the keyframes ascend and turn in one way, and whether their shape can.
 pub(crate) fn check_motion(
@@ -69,24 +69,6 @@ pub(crate) fn check_motion(
             format!("`{path}` is a plane and cannot turn"),
             "its rotation changes here, and far from its origin it would be infinitely fast".to_owned(),
             "use a box with its face where the plane is",
-        );
-    }
-}
-
-/// Reports colliders that deform, in a scene with `what`, for which they would keep their first shape.
-pub(crate) fn refuse_deforming(
-    colliders: &[Collider],
-    what: &str,
-    places: &Places,
-    findings: &mut Vec<Finding>,
-) {
-    for (index, _) in colliders.iter().enumerate().filter(|(_, collider)| collider.is_deforming()) {
-        let key = format!("world.collider.{index}");
-        let message = format!("a collider that deforms does not act on {what} yet");
-        let label = "found a mesh whose vertices move, or `scale` in keyframes";
-        let finding = Finding::new(places.of(&key), &key, message, label);
-        findings.push(
-            finding.with_help("use a shape that keeps its form, and move it by keyframes without `scale`"),
         );
     }
 }

@@ -188,10 +188,33 @@ fn motion_that_cannot_be_used_is_refused_in_words() {
     desk.write("pinned.toml", pinned);
     let (_, talk) = desk.run("simulate pinned.toml -o none", 2);
     assert!(talk.contains("follows a collider that deforms"), "{talk}");
-    let body = "[[body]]\nshape = { box = { min = [0, 0, 0], max = [0.2, 0.2, 0.2] } }\ndensity = 500\n";
+}
+
+#[test]
+fn a_body_rises_with_what_grows_below_it_and_goes_on_with_the_same_bytes() {
+    let desk = desk();
+    // It stands on the box, without friction; a ball above it shrinks, and is not in its path.
+    let body = "[[world.collider]]\nshape = { sphere = { center = [0, 0, 0], radius = 0.2 } }\n\
+        keyframes = [{ frame = 1, position = [1.1, 0.4, 0.9] }, { frame = 3, position = [1.1, 0.4, 0.9], scale = 0.3 }]\n\
+        [[body]]\nshape = { box = { min = [-0.1, -0.1, -0.1], max = [0.1, 0.1, 0.1] } }\ndensity = 3000\n\
+        position = [1.1, 0.4, 0.4]\nfriction = 0\n";
     desk.write("body.toml", fs::read_to_string(desk.path("listed.toml")).unwrap() + body);
-    let (_, talk) = desk.run("simulate body.toml -o none", 2);
-    assert!(talk.contains("a collider that deforms does not act on rigid bodies yet"), "{talk}");
+    let (_, talk) = desk.run("shot body.toml -o whole", 0);
+    assert!(!talk.contains("inner radius"), "{talk}");
+    let heights: Vec<f32> = (1..=5)
+        .map(|frame| {
+            let file = desk.path(&format!("whole/cache/frame_{frame:04}.mcf"));
+            let frame = meniscus::cache::read_frame(&file).unwrap().0;
+            frame.stream("bodies").and_then(|stream| stream.vec3("position")).unwrap()[0].z
+        })
+        .collect();
+    // In the fourth frame the box stops, and what it has thrown up by then flies on.
+    for (frame, lift) in LIFTS.iter().enumerate().take(3) {
+        assert!((heights[frame] - 0.4 - lift).abs() < 0.01, "{heights:?}");
+    }
+    desk.run("simulate body.toml --frames 1-3", 0);
+    desk.run("simulate body.toml --threads 1", 0);
+    assert_eq!(desk.bytes("body/cache"), desk.bytes("whole/cache"));
 }
 
 #[test]

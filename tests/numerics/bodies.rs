@@ -349,14 +349,22 @@ fn a_ball_rebounds_to_the_height_of_its_restitution() {
 #[test]
 fn a_stack_of_boxes_rests_and_a_row_of_balls_keeps_its_momentum() {
     let stack =
-        (0..4_u8).map(|k| at(cuboid([0.1; 3]), 600.0, [0.0, 0.0, 0.1 + 0.2 * f32::from(k)])).collect();
+        (0..10_u8).map(|k| at(cuboid([0.1; 3]), 600.0, [0.0, 0.0, 0.1 + 0.2 * f32::from(k)])).collect();
     let mut simulation = on_floor(0.0, stack);
     let record = advance(&mut simulation, 48).bodies.expect("there are bodies");
     for (k, x) in (0_u8..).zip(bodies(&simulation, "position")) {
         let expected = Vec3::new(0.0, 0.0, 0.1 + 0.2 * f32::from(k));
-        assert!((x - expected).norm() < 2e-3, "box {k}: {x}, expected {expected}");
+        assert!((x - expected).norm() < 1e-4, "box {k}: {x}, expected {expected}");
     }
-    assert!(record.max_speed < 5e-3 && record.penetration < 0.02, "{record:?}");
+    assert!(record.max_speed < 1e-3 && record.penetration < 1e-3, "{record:?}");
+    // A hundred times as heavy as what it stands on, off the middle.
+    let pair =
+        vec![at(cuboid([0.1; 3]), 100.0, [0.0, 0.0, 0.1]), at(cuboid([0.1; 3]), 1e4, [0.02, 0.0, 0.3])];
+    let mut simulation = on_floor(0.0, pair);
+    let record = advance(&mut simulation, 48).bodies.expect("there are bodies");
+    let x = bodies(&simulation, "position");
+    assert!(x[0].x.abs() < 0.01 && (x[1].z - 0.3).abs() < 2e-3, "{x:?}");
+    assert!(record.max_speed < 0.01 && record.penetration < 0.01, "{record:?}");
     let ball = |x: f32, v: f32, restitution: f32| BodyParams {
         velocity: [v, 0.0, 0.0],
         restitution,
@@ -371,6 +379,49 @@ fn a_stack_of_boxes_rests_and_a_row_of_balls_keeps_its_momentum() {
         let v = bodies(&simulation, "velocity");
         assert!((v[0].x + v[1].x - 2.0).abs() < 1e-5, "{v:?}");
         assert!((v[1].x - v[0].x - 2.0 * restitution).abs() < 1e-3, "e = {restitution}: {v:?}");
+    }
+}
+
+#[test]
+fn what_glides_over_a_box_does_not_catch_on_it() {
+    // A crate on a table, turned or not, and a long board on a narrow one; the table is a collider, or a heavy body on a floor.
+    let gravity = Vec3::new(0.0, 0.0, -G);
+    let floor = Solid::fixed(Shape::Plane { point: [0.0, 0.0, -0.2], normal: [0.0, 0.0, 1.0] });
+    for (turn, half, table) in
+        [(0.0, [0.1, 0.1, 0.1], 1.0), (30.0, [0.1, 0.1, 0.1], 1.0), (0.0, [0.8, 0.1, 0.05], 0.3)]
+    {
+        let table = cuboid([table, 0.5, 0.1]);
+        let start = [-0.2, 0.02, half[2]];
+        let board = BodyParams {
+            velocity: [0.5, 0.0, 0.0],
+            rotation: [0.0, 0.0, turn],
+            friction: 0.0,
+            ..at(cuboid(half), 500.0, start)
+        };
+        let heavy = BodyParams { friction: 0.0, ..at(table.clone(), 1e6, [0.0, 0.0, -0.1]) };
+        let key = |frame| Keyframe {
+            frame,
+            position: [0.0, 0.0, -0.1],
+            rotation: [0.0; 3],
+            quaternion: None,
+            scale: 1.0,
+        };
+        let motion = Motion::new(&[key(0)], Interpolation::Linear, 24.0, 0);
+        let still = Solid { motion, ..Solid::fixed(table) };
+        for (solids, bodies) in
+            [(vec![still], vec![board.clone()]), (vec![floor.clone()], vec![board.clone(), heavy])]
+        {
+            let world = World { gravity, solids };
+            let mut simulation =
+                Simulation::new(world, Systems { bodies, ..Systems::default() }).expect("it starts");
+            advance(&mut simulation, 18);
+            let (x, v) = (self::bodies(&simulation, "position")[0], self::bodies(&simulation, "velocity")[0]);
+            let off = x - (Vec3::from(start) + Vec3::x() * 0.375);
+            assert!(
+                off.norm() < 1e-3 && (v.x - 0.5).abs() < 1e-3,
+                "{half:?} turned by {turn}: {off} m off, {v}"
+            );
+        }
     }
 }
 

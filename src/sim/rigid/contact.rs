@@ -1,7 +1,8 @@
 //! Contacts of rigid bodies with colliders and with each other.
 //!
 //! *Method*: points on the surfaces (`samples.rs`) against signed distances. Contacts are found once a substep, within the distance that
-//! the bodies can move in it. Depth is removed first, by moving the bodies without a change of velocity. Sequential impulses ([catto05])
+//! the bodies can move in it, and act across a surface, not along it: a point of a floor in front of a body that glides on it is level with the edge of the
+//! body, and nearest to its side. Depth is removed first, by moving the bodies without a change of velocity. Sequential impulses ([catto05])
 //! then make the velocities satisfy gap + Δt n·(v_a − v_b) ≥ 0 with Coulomb friction; impulses accumulate over the substep, and may
 //! decrease again when the liquid lifts a body. Restitution is added to the velocities at the end of the substep.
 //! *Departs from [catto05]*: impulses start at zero in each substep, so that a frame is the whole state; depth does not add to velocities.
@@ -10,21 +11,24 @@
 //! Limits: a stack converges layer by layer. Bodies that are thinner than a
 //! substep's motion are stopped at their points only.
 
-use super::samples::{SurfacePoint, surface_points};
+use super::obstacle::Placed;
 use crate::{
     math::Vec3,
-    solid::{Motion, Pose, RigidBody, Shape, Solid},
+    solid::{RigidBody, Shape},
 };
 use nalgebra::Vector3;
 
-/// Sweeps over the contacts at the start of a substep, for the depth and the rebounds, and after the impulses of an iteration. With 30
-/// a stack of four boxes stands.
-pub(super) const START_SWEEPS: u32 = 30;
+/// Most sweeps over the contacts at the start of a substep, without friction and then as many with it: friction of normal impulses that are not yet those of
+/// the whole stack would move it.
+pub(super) const START_SWEEPS: u32 = 240;
+
+/// Change of velocity in a sweep, over that of the first, from which on sweeps end.
+const TOLERANCE: f64 = 1e-4;
+
+/// Sweeps for the rebounds, for the depth, and after the impulses of an iteration.
+const REBOUND_SWEEPS: u32 = 30;
 const DEPTH_SWEEPS: u32 = 10;
 pub(super) const ITERATION_SWEEPS: u32 = 4;
-
-/// Largest motion in a substep, over the inner radius.
-const LARGEST_MOTION: f64 = 0.25;
 
 /// Part of the depth that a substep removes.
 const DEPTH_PART: f64 = 0.2;
@@ -35,60 +39,6 @@ const ALLOWED_DEPTH: f64 = 1e-3;
 /// Speed of an impact below which bodies do not rebound, in speeds that gravity gives in a substep.
 const RESTING_STEPS: f64 = 2.0;
 
-/// A shape as an obstacle, with the points of its surface.
-#[derive(Clone, Debug)]
-pub(super) struct Obstacle {
-    pub(super) shape: Shape,
-    pub(super) points: Vec<SurfacePoint>,
-    /// All of the shape is within `reach` of `center` [m]; infinite for planes.
-    pub(super) center: Vec3,
-    pub(super) reach: f32,
-    pub(super) inner_radius: f64,
-    pub(super) friction: f64,
-    pub(super) restitution: f64,
-    /// Motion by keyframes; `None`: none, or a body.
-    pub(super) motion: Option<Motion>,
-}
-
-impl Obstacle {
-    pub(super) fn new(shape: &Shape, friction: f32, restitution: f32) -> Self {
-        let (center, reach) = shape.bounding_ball().unwrap_or((Vec3::zeros(), f32::INFINITY));
-        Self {
-            shape: shape.clone(),
-            points: surface_points(shape),
-            center,
-            reach,
-            inner_radius: f64::from(shape.inner_radius()),
-            friction: f64::from(friction),
-            restitution: f64::from(restitution),
-            motion: None,
-        }
-    }
-
-    /// Largest motion in a substep [m].
-    pub(super) fn largest_motion(&self) -> f64 {
-        LARGEST_MOTION * self.inner_radius
-    }
-
-    /// A collider, whose friction and restitution are those of the body that touches it. A tank is six planes, so that a ball in its
-    /// corner touches three.
-    pub(super) fn collider(solid: &Solid) -> Vec<Self> {
-        let shapes = match solid.shape {
-            Shape::Tank { min, max } => {
-                let face = |axis: usize, side: f32| {
-                    let mut normal = [0.0; 3];
-                    normal[axis] = side;
-                    Shape::Plane { point: if side > 0.0 { min } else { max }, normal }
-                };
-                (0..3).flat_map(|axis| [face(axis, 1.0), face(axis, -1.0)]).collect()
-            }
-            ref other => vec![other.clone()],
-        };
-        let obstacle = |shape| Self { motion: solid.motion.clone(), ..Self::new(shape, 0.0, 0.0) };
-        shapes.iter().map(obstacle).collect()
-    }
-}
-
 /// Contact of a body with a collider or a second body.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Contact {
@@ -96,11 +46,11 @@ pub(super) struct Contact {
     /// `None`: a collider.
     b: Option<usize>,
     /// From the centres of mass of a and b to the point of contact, at the start of the substep [m].
-    arms: [Vector3<f64>; 2],
+    pub(super) arms: [Vector3<f64>; 2],
     /// Out of the collider or second body.
-    normal: Vector3<f64>,
+    pub(super) normal: Vector3<f64>,
     /// Distance at the start of the substep; negative: depth [m].
-    gap: f64,
+    pub(super) gap: f64,
     /// Velocity of the collider there [m/s].
     velocity: Vector3<f64>,
     friction: f64,
@@ -133,44 +83,6 @@ impl Contact {
     }
 }
 
-/// A shape at its poses at the start and at the end of a substep.
-#[derive(Clone, Copy)]
-pub(super) struct Placed<'a> {
-    pub(super) obstacle: &'a Obstacle,
-    pub(super) before: Pose,
-    pub(super) now: Pose,
-    /// Centre of mass at the start of the substep [m]; of colliders nothing.
-    pub(super) center_of_mass: Vector3<f64>,
-}
-
-impl Placed<'_> {
-    fn center(&self) -> Vec3 {
-        self.before.to_world(self.obstacle.center)
-    }
-
-    /// Displacement in the substep of the point that is at `x` at its start [m].
-    fn displacement(&self, x: Vec3) -> Vec3 {
-        self.now.to_world(self.before.to_local(x)) - x
-    }
-
-    /// Bound of the displacement of all its points [m]; of an unbounded one, near `x`.
-    fn largest_displacement(&self, x: Vec3) -> f32 {
-        let Self { obstacle, before, now, .. } = self;
-        if obstacle.reach.is_finite() {
-            let turn = (now.rotation - before.rotation).norm() * obstacle.reach;
-            self.displacement(self.center()).norm() + turn
-        } else {
-            self.displacement(x).norm()
-        }
-    }
-
-    /// Distance and normal at `x` at the start of the substep.
-    fn contact(&self, x: Vec3) -> (f32, Vec3) {
-        let (d, n) = self.obstacle.shape.contact(self.before.to_local(x));
-        (d, self.before.rotation * n)
-    }
-}
-
 /// Finds the contacts of body `a` with `other`, which is body `b` or a collider.
 pub(super) fn find(
     (a, body): (usize, &Placed<'_>),
@@ -178,12 +90,7 @@ pub(super) fn find(
     dt: f64,
     found: &mut Vec<Contact>,
 ) {
-    let center = body.center();
-    let margin = body.largest_displacement(center) + other.largest_displacement(center);
-    let reach = body.obstacle.reach + other.obstacle.reach + margin;
-    if reach.is_finite() && (center - other.center()).norm() > reach {
-        return;
-    }
+    let Some(margin) = body.margin(other) else { return };
     let allowed = ALLOWED_DEPTH * body.obstacle.inner_radius;
     let inner_radius = body.obstacle.inner_radius.min(other.obstacle.inner_radius);
     let (friction, restitution) = match b {
@@ -217,19 +124,19 @@ pub(super) fn find(
     for point in &body.obstacle.points {
         let x = body.before.to_world(point.x);
         let (d, n) = other.contact(x);
-        if d - point.radius < margin {
-            add(x - n * point.radius, n, d - point.radius);
+        let surface = x - n * point.radius;
+        if d - point.radius < margin && body.is_facing(surface, -n) {
+            add(surface, n, d - point.radius);
         }
     }
     // A ball touches anything at one point, which the first loop has found.
-    if matches!(body.obstacle.shape, Shape::Sphere { .. }) {
-        return;
-    }
-    for point in &other.obstacle.points {
-        let x = other.before.to_world(point.x);
-        let (d, n) = body.contact(x);
-        if d - point.radius < margin {
-            add(x - n * d, -n, d - point.radius);
+    if !matches!(body.obstacle.shape, Shape::Sphere { .. }) {
+        for point in other.points() {
+            let x = other.before.to_world(point.x);
+            let (d, n) = body.contact(x);
+            if d - point.radius < margin && other.is_facing(x - n * point.radius, -n) {
+                add(x - n * d, -n, d - point.radius);
+            }
         }
     }
 }
@@ -294,29 +201,46 @@ pub(super) fn separate(contacts: &mut [Contact], bodies: &mut [RigidBody]) {
     }
 }
 
-/// Sweeps over the contacts `sweeps` times, in order.
-pub(super) fn resolve(contacts: &mut [Contact], bodies: &mut [RigidBody], dt: f64, sweeps: u32) {
-    for _ in 0..sweeps {
+/// Sweeps over the contacts in order, at most `sweeps` times, with friction or without.
+pub(super) fn resolve(
+    contacts: &mut [Contact],
+    bodies: &mut [RigidBody],
+    dt: f64,
+    (sweeps, has_friction): (u32, bool),
+) {
+    let mut first = 0.0;
+    for sweep in 0..sweeps {
+        let mut largest = 0.0_f64;
         for contact in contacts.iter_mut() {
             let n = contact.normal;
+            let mass = effective_mass(contact, bodies, &n);
             let speed = relative_velocity(contact, bodies).dot(&n) + contact.gap.max(0.0) / dt;
-            let total = (contact.normal_impulse - speed * effective_mass(contact, bodies, &n)).max(0.0);
+            let total = (contact.normal_impulse - speed * mass).max(0.0);
             let change = total - contact.normal_impulse;
             contact.normal_impulse = total;
             if change != 0.0 {
                 apply(contact, bodies, n * change);
+                largest = largest.max(change.abs() / mass);
             }
-            apply_friction(contact, bodies);
+            if has_friction {
+                largest = largest.max(apply_friction(contact, bodies));
+            }
+        }
+        if sweep == 0 {
+            first = largest;
+        }
+        if largest <= TOLERANCE * first {
+            break;
         }
     }
 }
 
-/// Coulomb friction of a contact.
-fn apply_friction(contact: &mut Contact, bodies: &mut [RigidBody]) {
+/// Coulomb friction of a contact. Returns the change of velocity [m/s].
+fn apply_friction(contact: &mut Contact, bodies: &mut [RigidBody]) -> f64 {
     if contact.friction == 0.0
         || (contact.normal_impulse == 0.0 && contact.tangential_impulse == Vector3::zeros())
     {
-        return;
+        return 0.0;
     }
     let n = contact.normal;
     let v = relative_velocity(contact, bodies);
@@ -329,6 +253,7 @@ fn apply_friction(contact: &mut Contact, bodies: &mut [RigidBody]) {
     let change = total - contact.tangential_impulse;
     contact.tangential_impulse = total;
     apply(contact, bodies, change);
+    if mass > 0.0 { change.norm() / mass } else { 0.0 }
 }
 
 /// Adds the velocities of rebounds; `resting` is the speed that gravity gives in a substep [m/s].
@@ -340,7 +265,7 @@ pub(super) fn rebound(contacts: &mut [Contact], bodies: &mut [RigidBody], restin
     if !contacts.iter().any(|contact| contact.normal_impulse > 0.0 && target(contact) > 0.0) {
         return;
     }
-    for _ in 0..START_SWEEPS {
+    for _ in 0..REBOUND_SWEEPS {
         for contact in contacts.iter_mut().filter(|contact| contact.normal_impulse > 0.0) {
             let n = contact.normal;
             let lacking = target(contact) - relative_velocity(contact, bodies).dot(&n);

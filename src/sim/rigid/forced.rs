@@ -5,7 +5,7 @@
 //! its points, drag of any rate only slows it.
 //! Limits: the points resolve a shape by [`CELLS`] cells. First order in time.
 
-use super::contact::Obstacle;
+use super::obstacle::Obstacle;
 use crate::{
     math::Vec3,
     sim::force::{ChunkMaximum, ForceRecord, Forces, KickedSubstep},

@@ -5,10 +5,13 @@
 //! Limits: first order in time. Smoke does not act on bodies, nor bodies on smoke.
 
 mod contact;
+mod deforming;
 mod forced;
 #[cfg(feature = "presets")]
 pub(crate) mod job;
+mod obstacle;
 mod params;
+mod patch;
 mod record;
 mod samples;
 
@@ -25,11 +28,13 @@ use super::{
 use crate::{
     frame::{Stream, StreamKind},
     math::{Vec3, rotation::from_euler_angles},
-    solid::{BodyState, BodySurface, MassProperties, Pose, RigidBody, Solid},
+    solid::{BodyState, BodySurface, MassProperties, RigidBody, Solid},
 };
-use contact::{Contact, ITERATION_SWEEPS, Obstacle, Placed, START_SWEEPS, find, rebound, resolve, separate};
+use contact::{Contact, ITERATION_SWEEPS, START_SWEEPS, find, rebound, resolve, separate};
 use forced::BodyForces;
 use nalgebra::Vector3;
+use obstacle::{Obstacle, Placed};
+use patch::keep_rim;
 
 /// Name of the system and of its stream.
 pub const NAME: &str = "bodies";
@@ -314,32 +319,29 @@ impl RigidBodies {
     fn find_contacts(&mut self, now: f64, dt: f64) {
         let mut found = std::mem::take(&mut self.contacts);
         found.clear();
-        let body = |(body, obstacle)| {
-            let body: &RigidBody = body;
-            let (before, now, center_of_mass) = (body.start_pose(), body.pose(), body.start_position());
-            Placed { obstacle, before, now, center_of_mass }
-        };
-        let bodies: Vec<Placed<'_>> = self.bodies.iter().zip(&self.obstacles).map(body).collect();
-        let collider = |obstacle| {
-            let collider: &Obstacle = obstacle;
-            let pose =
-                |time| collider.motion.as_ref().map_or_else(Pose::identity, |motion| motion.pose(time));
-            Placed { obstacle, before: pose(now), now: pose(now + dt), center_of_mass: Vector3::zeros() }
-        };
-        let colliders: Vec<Placed<'_>> = self.colliders.iter().map(collider).collect();
+        let bodies: Vec<Placed<'_>> = self
+            .bodies
+            .iter()
+            .zip(&self.obstacles)
+            .map(|(body, obstacle)| Placed::body(obstacle, body))
+            .collect();
+        let colliders: Vec<Placed<'_>> =
+            self.colliders.iter().map(|collider| collider.place(now, dt, &bodies)).collect();
         for (a, body) in bodies.iter().enumerate() {
-            colliders.iter().for_each(|other| find((a, body), (None, other), dt, &mut found));
-            for (b, other) in bodies.iter().enumerate().skip(a + 1) {
-                find((a, body), (Some(b), other), dt, &mut found);
+            let colliders = colliders.iter().map(|other| (None, other));
+            let others = bodies.iter().enumerate().skip(a + 1).map(|(b, other)| (Some(b), other));
+            for other in colliders.chain(others) {
+                let first = found.len();
+                find((a, body), other, dt, &mut found);
+                keep_rim(&mut found, first);
             }
         }
         self.contacts = found;
     }
 
+    /// Resolves the contacts with friction, and moves the bodies.
     fn resolve(&mut self, sweeps: u32) {
-        if !self.contacts.is_empty() {
-            resolve(&mut self.contacts, &mut self.bodies, self.dt, sweeps);
-        }
+        resolve(&mut self.contacts, &mut self.bodies, self.dt, (sweeps, true));
         self.bodies.iter_mut().for_each(RigidBody::advance);
     }
 }
@@ -374,6 +376,7 @@ impl CoupledBodies for RigidBodies {
         }
         self.find_contacts(now, dt);
         separate(&mut self.contacts, &mut self.bodies);
+        resolve(&mut self.contacts, &mut self.bodies, dt, (START_SWEEPS, false));
         self.resolve(START_SWEEPS);
         self.record.substeps += 1;
     }

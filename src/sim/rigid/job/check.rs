@@ -1,11 +1,7 @@
 //! Checks of a preset's rigid bodies, once every value is valid on its own.
 
 use crate::{
-    preset::{
-        check::Places,
-        problem::Finding,
-        shapes::{refuse_deforming, source_finding},
-    },
+    preset::{check::Places, problem::Finding, shapes::source_finding},
     sim::scene::Scene,
 };
 
@@ -50,9 +46,6 @@ pub(super) fn check(scene: &Scene, places: &Places, findings: &mut Vec<Finding>)
         }
     }
     let mut more = Vec::new();
-    if !scene.body.is_empty() {
-        refuse_deforming(&scene.world.collider, "rigid bodies", places, &mut more);
-    }
     for (index, body) in scene.body.iter().enumerate() {
         let path = format!("body.{index}");
         let unusable = source_finding(&path, &body.shape, places);
