@@ -95,6 +95,9 @@ pub enum SetupError {
         /// Its number in the preset, from 0.
         index: usize,
     },
+    /// Rigid bodies take their substeps from the liquid, which does not share them with the sheets.
+    #[error("rigid bodies, liquid and sheets in one shot need a coupling of the liquid with a sheet")]
+    BodiesBetween,
     /// A coupling is invalid.
     #[error(transparent)]
     Coupling(#[from] CouplingError),

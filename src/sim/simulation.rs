@@ -140,6 +140,13 @@ impl Simulation {
         if let (Some([spacing, density]), Some(sheets), false) = (density, &self.sheets, liquid.is_empty()) {
             self.liquid_sheets = Some(LiquidSheetCoupling::new(sheets, &liquid, spacing, density));
         }
+        if self.bodies.is_some()
+            && self.liquid.is_some()
+            && self.sheets.is_some()
+            && self.liquid_sheets.is_none()
+        {
+            return Err(SetupError::BodiesBetween);
+        }
         if let (Some(sheets), false) = (&self.sheets, smoke.is_empty()) {
             self.wind = Some(WindCoupling::new(sheets, &smoke));
         }
@@ -211,18 +218,18 @@ impl Simulation {
             bodies.begin_frame();
         }
         let (mut bodies, has_liquid) = (self.bodies.as_mut(), self.liquid.is_some());
-        let floating = bodies.as_deref_mut().map(|bodies| bodies as &mut dyn CoupledBodies);
         match (&mut self.liquid, &mut self.sheets, &self.liquid_sheets) {
             (Some(liquid), Some(sheets), Some(coupling)) => {
                 let (from, share) = next_part(2.0 * share);
                 let mut part = PartialProgress { watch, from, share };
                 let sheets = CoupledSheets::new(coupling, sheets, external);
-                record = advance_coupled(liquid, sheets, floating, span, &mut part)?;
+                record = advance_coupled(liquid, sheets, bodies.as_deref_mut(), span, &mut part)?;
             }
             (liquid, sheets, _) => {
                 if let Some(liquid) = liquid {
                     let (from, share) = next_part(share);
                     let mut part = PartialProgress { watch: &mut *watch, from, share };
+                    let floating = bodies.as_deref_mut().map(as_coupled);
                     let (found, seconds) = liquid.advance(self.time, frame_seconds, floating, &mut part)?;
                     (record.liquid, record.seconds) = (Some(found), seconds);
                 }
@@ -280,6 +287,8 @@ impl Simulation {
         let bodies = match (&self.bodies, &self.liquid, &self.sheets) {
             (Some(_), None, None) => RigidBodies::passes(),
             (Some(_), None, Some(_)) => coupling::BODY_PASSES.to_vec(),
+            // The first is one of the liquid's.
+            (Some(_), Some(_), Some(_)) => coupling::BODY_PASSES[1..].to_vec(),
             _ => Vec::new(),
         };
         liquid.into_iter().chain(smoke).chain(sheets).chain(bodies).chain(coupling).collect()
@@ -292,25 +301,39 @@ fn coupling_passes(liquid_sheets: bool, wind: bool) -> Vec<&'static str> {
     wind.then_some(coupling::WIND_PASS).into_iter().chain(contact.iter().copied()).collect()
 }
 
+/// Bodies as partners of the liquid.
+fn as_coupled(bodies: &mut RigidBodies) -> &mut dyn CoupledBodies {
+    bodies
+}
+
 /// Advances a liquid, sheets and bodies that share their substeps by a frame; `start` and `seconds` are its time and length [s].
 fn advance_coupled(
     liquid: &mut Liquid,
     mut coupled: CoupledSheets<'_>,
-    bodies: Option<&mut dyn CoupledBodies>,
+    mut bodies: Option<&mut RigidBodies>,
     [start, seconds]: [f64; 2],
     watch: &mut dyn Watch,
 ) -> Result<FrameRecord, Stop> {
     let contact = coupling_passes(true, coupled.external.is_some());
-    let mut clock = Clock::new(&[liquid.passes(), coupled.sheets.passes(), contact].concat());
-    let bodies = bodies.map(|bodies| bodies as &mut dyn CoupledBodies);
-    let partners = Partners { system: Some(&mut coupled), bodies };
+    let body_contact = bodies.as_ref().map_or(&[][..], |_| &coupling::BODY_PASSES[1..]);
+    let passes = [liquid.passes(), coupled.sheets.passes(), contact, body_contact.to_vec()];
+    let mut clock = Clock::new(&passes.concat());
+    let partners = Partners { system: Some(&mut coupled), bodies: bodies.as_deref_mut().map(as_coupled) };
     let liquid = liquid.advance_with(partners, [start, seconds], &mut clock, watch)?;
-    let CoupledSheets { sheets, mut sheet_record, record: contact, .. } = coupled;
-    clock.time("sheet_account", || sheets.end_frame(start + seconds, &[], &mut sheet_record));
+    let CoupledSheets { sheets, mut sheet_record, record: contact, body_record, .. } = coupled;
+    let placed: Vec<_> = bodies.as_ref().map_or_else(Vec::new, |bodies| {
+        let (surfaces, states) = bodies.surfaces();
+        surfaces.into_iter().zip(states.iter().map(|body| body.pose())).collect()
+    });
+    clock.time("sheet_account", || sheets.end_frame(start + seconds, &placed, &mut sheet_record));
     Ok(FrameRecord {
         liquid: Some(liquid),
         sheets: Some(sheet_record),
-        coupling: Some(CouplingRecord { liquid: Some(contact), ..CouplingRecord::default() }),
+        coupling: Some(CouplingRecord {
+            liquid: Some(contact),
+            bodies: body_record,
+            ..CouplingRecord::default()
+        }),
         seconds: clock.into_totals(),
         ..FrameRecord::default()
     })

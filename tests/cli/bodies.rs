@@ -151,7 +151,11 @@ fn faults_of_bodies_are_named_with_their_place() {
                  shape = { grid = { origin = [0, 0, 1], first = [1, 0, 0], second = [0, 1, 0], cells = [4, 4] } }\n";
     desk.write("three.toml", format!("{SMALL}{CRATE}{cloth}"));
     let (_, talk) = desk.run("simulate three.toml", 2);
-    assert!(talk.contains("not on both in one shot") && talk.contains("found all three"), "{talk}");
+    assert!(talk.contains("if both are coupled") && talk.contains("found all three without"), "{talk}");
+    let coupling = "[[coupling]]\nbetween = ['liquid', 'cloth']\n";
+    desk.write("coupled.toml", format!("{SMALL}{CRATE}{cloth}{coupling}"));
+    let (out, _) = desk.run("simulate coupled.toml --frames 1-2", 0);
+    assert!(out.contains("coupling   bodies:"), "{out}");
     desk.write(
         "layers.toml",
         format!("title = 't'\nframes = '1'\n{CRATE}{cloth}[sheets.contact]\nthickness = 0.01\n"),

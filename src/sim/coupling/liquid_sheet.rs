@@ -5,7 +5,8 @@
 //! density ([pbf] Algorithm 1, line 14), so that the pressure reaches the sheet and the sheet's answer reaches the pressure. Both
 //! sides move according to their masses, the sheet by its whole matrix (`sheet/face_contacts.rs`). Velocities follow from positions. At
 //! the end of a substep, continuous collision detection follows the particles relative to the moving faces. A particle that crossed
-//! a face is projected back, first together with the face, and at last alone.
+//! a face is projected back, first together with the face, and at last alone. Rigid bodies that push the sheets are solved with them after each
+//! such projection (`body_sheet.rs`), so that all three share the substep.
 //! *Departs from the paper*: [pbf] section 8 mentions two-way interaction with position based cloth without formulas; its cloth has
 //! no forces.
 //!
@@ -14,6 +15,8 @@
 //! interacts with liquid on the other.
 
 use super::{
+    BODY_PASSES, BodySheetRecord,
+    body_sheet::BodySheetStep,
     contact::{self, CandidatePair, Face, ParticleContact, Trajectories},
     record::LiquidSheetRecord,
     triangle::{blend, closest_point, crossing, normal},
@@ -24,9 +27,10 @@ use crate::{
     sim::{
         Diverged,
         clock::Clock,
-        liquid::{CoupledSystem, SubstepParticles},
+        liquid::{CoupledBodies, CoupledSystem, Pushed, SubstepParticles},
         sheet::{CoupledSubstep, FaceContact, FaceContacts, SheetRecord, Sheets},
     },
+    solid::RigidBody,
 };
 
 /// Search margin beyond the contact distance, in spacings: corrections may move particles this far.
@@ -93,6 +97,8 @@ pub(in crate::sim) struct CoupledSheets<'a> {
     pub(in crate::sim) external: Option<&'a mut dyn ExternalForces>,
     pub(in crate::sim) sheet_record: SheetRecord,
     pub(in crate::sim) record: LiquidSheetRecord,
+    /// Contact with bodies, if there are some.
+    pub(in crate::sim) body_record: Option<BodySheetRecord>,
     step: Option<SubstepState>,
 }
 
@@ -109,6 +115,10 @@ struct SubstepState {
     face_contacts: FaceContacts,
     /// Accumulated λ of each contact [kg·m].
     lambda: Vec<f32>,
+    /// Contact with bodies, and that of the substep before.
+    bodies: Option<BodySheetStep>,
+    last_bodies: Option<BodySheetStep>,
+    now: f64,
 }
 
 impl<'a> CoupledSheets<'a> {
@@ -117,8 +127,8 @@ impl<'a> CoupledSheets<'a> {
         sheets: &'a mut Sheets,
         external: Option<&'a mut dyn ExternalForces>,
     ) -> Self {
-        let sheet_record = sheets.begin_frame();
-        Self { coupling, sheets, external, sheet_record, record: LiquidSheetRecord::default(), step: None }
+        let (sheet_record, record) = (sheets.begin_frame(), LiquidSheetRecord::default());
+        Self { coupling, sheets, external, sheet_record, record, body_record: None, step: None }
     }
 
     fn contact_distance(&self) -> f32 {
@@ -153,8 +163,7 @@ impl<'a> CoupledSheets<'a> {
             let end = first + contacts.list[first..].iter().take_while(|c| c.particle as usize == i).count();
             if lambda[first..end].iter().any(|&l| l > 0.0) {
                 let push: Vec3 = (first..end).map(|k| contacts.list[k].normal * lambda[k]).sum();
-                let x = particles.predicted[i];
-                particles.predicted[i] = (particles.collide)(x, x + push / self.coupling.mass);
+                particles.move_to(i, particles.predicted[i] + push / self.coupling.mass);
             }
             first = end;
         }
@@ -266,8 +275,7 @@ impl<'a> CoupledSheets<'a> {
                 let i = contact.particle as usize;
                 let from = particles.predicted[i];
                 let weights = closest_point(from, corners);
-                particles.predicted[i] =
-                    (particles.collide)(from, blend(weights, corners) + contact.normal * contact.distance);
+                particles.move_to(i, blend(weights, corners) + contact.normal * contact.distance);
             }
         }
         self.record.crossed += self.find_crossings(step, particles).len() as u64;
@@ -336,15 +344,32 @@ impl CoupledSystem for CoupledSheets<'_> {
         if let Some(last) = &mut self.step {
             coupled.warm_start(&mut last.coupled);
         }
-        let (predicted, face_contacts) = ([Vec::new(), Vec::new()], FaceContacts::default());
-        let (pairs, contacts, lambda) = (Vec::new(), Vec::new(), Vec::new());
-        self.step =
-            Some(SubstepState { dt, coupled, before, predicted, pairs, contacts, face_contacts, lambda });
+        self.step = Some(SubstepState {
+            dt,
+            coupled,
+            before,
+            predicted: [Vec::new(), Vec::new()],
+            pairs: Vec::new(),
+            contacts: Vec::new(),
+            face_contacts: FaceContacts::default(),
+            lambda: Vec::new(),
+            bodies: None,
+            last_bodies: self.step.take().and_then(|step| step.bodies),
+            now,
+        });
         Ok(())
     }
 
-    fn detect_contacts(&mut self, particles: &SubstepParticles<'_>, clock: &mut Clock) {
+    fn detect_contacts(
+        &mut self,
+        particles: &SubstepParticles<'_>,
+        bodies: Option<&dyn CoupledBodies>,
+        clock: &mut Clock,
+    ) {
         let Some(mut step) = self.step.take() else { return };
+        if let Some(bodies) = bodies {
+            clock.time(BODY_PASSES[1], || step.find_bodies(self.sheets, bodies));
+        }
         clock.time("coupling_search", || {
             let points = self.sheets.positions();
             let trajectories = trajectories(particles, [&step.before, &points]);
@@ -370,22 +395,49 @@ impl CoupledSystem for CoupledSheets<'_> {
         self.step = Some(step);
     }
 
-    fn project_contacts(&mut self, particles: &mut SubstepParticles<'_>, clock: &mut Clock) -> bool {
-        let Some(mut step) = self.step.take() else { return false };
-        let pushed = clock.time("coupling", || self.project_all(&mut step, particles));
+    fn project_contacts(
+        &mut self,
+        particles: &mut SubstepParticles<'_>,
+        bodies: Option<&mut dyn CoupledBodies>,
+        clock: &mut Clock,
+    ) -> Pushed {
+        let Some(mut step) = self.step.take() else { return Pushed::default() };
+        let particles = clock.time("coupling", || self.project_all(&mut step, particles));
+        let SubstepState { bodies: contact, coupled, .. } = &mut step;
+        let bodies = bodies.zip(contact.as_mut()).is_some_and(|(bodies, contact)| {
+            clock.time(BODY_PASSES[1], || contact.solve(self.sheets, coupled, bodies));
+            contact.is_pushing()
+        });
         self.step = Some(step);
-        pushed
+        Pushed { particles, bodies }
+    }
+
+    fn end_without_liquid(&mut self, bodies: &mut dyn CoupledBodies, clock: &mut Clock) {
+        let Some(mut step) = self.step.take() else { return };
+        clock.time(BODY_PASSES[1], || {
+            step.find_bodies(self.sheets, bodies);
+            step.solve_bodies(self.sheets, bodies);
+        });
+        if step.bodies.as_ref().is_some_and(BodySheetStep::is_pushing) {
+            self.sheets.end_coupled_substep(&mut step.coupled, clock, &mut self.sheet_record);
+        }
+        self.end_bodies(&mut step, bodies, None, clock);
+        self.step = Some(step);
     }
 
     fn end_substep(
         &mut self,
         particles: &mut SubstepParticles<'_>,
+        mut bodies: Option<&mut dyn CoupledBodies>,
         v_before: &[Vec3],
         clock: &mut Clock,
     ) -> f64 {
         let Some(mut step) = self.step.take() else { return 0.0 };
         let work = clock.around("coupling", |clock| {
             for _ in 0..MAX_FINAL_ITERATIONS {
+                if let Some(bodies) = &mut bodies {
+                    clock.time(BODY_PASSES[1], || step.solve_bodies(self.sheets, *bodies));
+                }
                 if !self.project_all(&mut step, particles) {
                     break;
                 }
@@ -411,9 +463,12 @@ impl CoupledSystem for CoupledSheets<'_> {
             let mut work = self.account_impulses(&step, &set, &lambda, particles, v_before);
             let has_pushed = self.resolve_crossings(&mut step, particles, v_before, &mut work, clock);
             self.record.contacts = lambda.iter().filter(|&&l| l > 0.0).count() as u64;
-            let pushing = (self.record.contacts > 0 || has_pushed).then_some([0.0; 2]);
-            self.sheets.account_energy(&step.coupled, pushing, &mut self.sheet_record);
             (step.contacts, step.face_contacts, step.lambda) = (contacts, face_contacts, lambda);
+            let pushing = (self.record.contacts > 0 || has_pushed).then_some([0.0; 2]);
+            match bodies {
+                Some(bodies) => self.end_bodies(&mut step, bodies, pushing, clock),
+                None => self.sheets.account_energy(&step.coupled, pushing, &mut self.sheet_record),
+            }
             work.exchanged()
         });
         self.record.work += work;
@@ -457,7 +512,38 @@ impl CoupledSystem for CoupledSheets<'_> {
     }
 }
 
+impl SubstepState {
+    /// Finds the contacts with bodies.
+    fn find_bodies(&mut self, sheets: &Sheets, bodies: &dyn CoupledBodies) {
+        let momenta = bodies.bodies().iter().map(RigidBody::momenta).collect();
+        self.bodies =
+            Some(BodySheetStep::new(sheets, &self.coupled, bodies, momenta, self.last_bodies.take()));
+    }
+
+    /// Solves the contacts with bodies until nothing changes.
+    fn solve_bodies(&mut self, sheets: &mut Sheets, bodies: &mut dyn CoupledBodies) {
+        if let Some(step) = &mut self.bodies {
+            step.solve_all(sheets, &mut self.coupled, bodies);
+        }
+    }
+}
+
 impl CoupledSheets<'_> {
+    /// Ends a substep with bodies, after the velocities of the sheets; `pushing` is that of the liquid.
+    fn end_bodies(
+        &mut self,
+        step: &mut SubstepState,
+        bodies: &dyn CoupledBodies,
+        pushing: Option<[f64; 2]>,
+        clock: &mut Clock,
+    ) {
+        let Some(contact) = &step.bodies else { return };
+        let pushing = contact.energies(bodies).or(pushing);
+        self.sheets.account_energy(&step.coupled, pushing, &mut self.sheet_record);
+        let record = self.body_record.get_or_insert_default();
+        clock.time(BODY_PASSES[1], || contact.end(self.sheets, bodies, step.now + step.dt, record));
+    }
+
     /// One iteration over the contacts of the substep. Returns whether any was violated.
     fn project_all(&mut self, step: &mut SubstepState, particles: &mut SubstepParticles<'_>) -> bool {
         let (contacts, face_contacts) =

@@ -53,7 +53,7 @@ impl Liquid {
     }
 
     /// Mass of a particle [kg], and the same over `dt` [s].
-    fn units(&self, dt: f32) -> [f64; 2] {
+    pub(super) fn units(&self, dt: f32) -> [f64; 2] {
         [self.mass, self.mass / f64::from(dt)]
     }
 

@@ -19,6 +19,19 @@ pub(in crate::sim) struct SubstepParticles<'a> {
     pub(in crate::sim) sorted_at: &'a [Vec3],
     /// End of a particle's path from one position to another, with collisions against solids.
     pub(in crate::sim) collide: &'a (dyn Fn(Vec3, Vec3) -> Vec3 + Sync),
+    /// Sums of the displacements by solids of each particle [m]; empty without rigid bodies.
+    pub(in crate::sim) projection: &'a mut [Vec3],
+}
+
+impl SubstepParticles<'_> {
+    /// Moves a particle to `wanted`, or to where solids let it come.
+    pub(in crate::sim) fn move_to(&mut self, particle: usize, wanted: Vec3) {
+        let end = (self.collide)(self.predicted[particle], wanted);
+        self.predicted[particle] = end;
+        if let Some(projection) = self.projection.get_mut(particle) {
+            *projection += end - wanted;
+        }
+    }
 }
 
 /// What shares the liquid's substeps.
@@ -29,12 +42,25 @@ pub(in crate::sim) struct Partners<'a> {
     pub(in crate::sim) bodies: Option<&'a mut dyn CoupledBodies>,
 }
 
+/// A second borrow of the bodies.
+pub(super) fn reborrow<'a>(
+    bodies: &'a mut Option<&mut dyn CoupledBodies>,
+) -> Option<&'a mut dyn CoupledBodies> {
+    bodies.as_deref_mut().map(|bodies| bodies as &mut dyn CoupledBodies)
+}
+
 impl Partners<'_> {
     /// The bodies alone.
     pub(super) fn bodies_alone(&mut self) -> Partners<'_> {
-        let bodies = self.bodies.as_deref_mut().map(|bodies| bodies as &mut dyn CoupledBodies);
-        Partners { system: None, bodies }
+        Partners { system: None, bodies: reborrow(&mut self.bodies) }
     }
+}
+
+/// What contacts of a coupled system have moved.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::sim) struct Pushed {
+    pub(in crate::sim) particles: bool,
+    pub(in crate::sim) bodies: bool,
 }
 
 /// A system coupled with the liquid.
@@ -55,16 +81,30 @@ pub(in crate::sim) trait CoupledSystem {
     fn advance_uncoupled(&mut self, now: f64, dt: f64, clock: &mut Clock) -> Result<(), Diverged>;
 
     /// Finds the pairs that may be in contact during the substep.
-    fn detect_contacts(&mut self, particles: &SubstepParticles<'_>, clock: &mut Clock);
+    fn detect_contacts(
+        &mut self,
+        particles: &SubstepParticles<'_>,
+        bodies: Option<&dyn CoupledBodies>,
+        clock: &mut Clock,
+    );
 
-    /// Projects violated contact constraints, on both sides. Returns whether any was violated.
-    fn project_contacts(&mut self, particles: &mut SubstepParticles<'_>, clock: &mut Clock) -> bool;
+    /// Projects violated contact constraints, on all sides.
+    fn project_contacts(
+        &mut self,
+        particles: &mut SubstepParticles<'_>,
+        bodies: Option<&mut dyn CoupledBodies>,
+        clock: &mut Clock,
+    ) -> Pushed;
+
+    /// Ends a substep without particles: contacts with bodies alone.
+    fn end_without_liquid(&mut self, bodies: &mut dyn CoupledBodies, clock: &mut Clock);
 
     /// Ends the substep: projects contacts for the last time and resolves crossings. `v_before` are the particles' velocities
     /// without contacts and pressure [m/s]. Returns the work on the liquid [J].
     fn end_substep(
         &mut self,
         particles: &mut SubstepParticles<'_>,
+        bodies: Option<&mut dyn CoupledBodies>,
         v_before: &[Vec3],
         clock: &mut Clock,
     ) -> f64;

@@ -19,6 +19,7 @@ mod columns;
 mod contact;
 mod correction;
 mod coupled;
+mod coupled_contacts;
 mod density;
 mod density_map;
 mod depth;
@@ -67,7 +68,7 @@ mod vorticity;
 mod walls;
 mod xsph;
 
-pub(super) use coupled::{CoupledSystem, Partners, SubstepParticles};
+pub(super) use coupled::{CoupledSystem, Partners, Pushed, SubstepParticles};
 pub use inflow::{FrameRange, LiquidDomain, LiquidEmitter, LiquidOutflow, RateKeyframe, Side};
 pub use params::{
     ArtificialPressure, Constraint, ImplicitViscosity, Kernel, LiquidChannel, LiquidParams, LiquidSource,
@@ -86,6 +87,7 @@ use super::{
 use crate::{math::Vec3, par};
 use accelerated::Momentum;
 use calibration::RestState;
+use coupled::reborrow;
 use energy::energy;
 use force_field::ForceField;
 use inflow::Inflow;
@@ -261,6 +263,10 @@ impl Liquid {
             if !self.x.is_empty() {
                 self.substep(dt as f32, &mut partners, clock, &mut record, watch)?;
                 self.check_state(record.substeps)?;
+            } else if let (Some(coupled), Some(bodies)) =
+                (&mut partners.system, reborrow(&mut partners.bodies))
+            {
+                coupled.end_without_liquid(bodies, clock);
             }
             if let Some(bodies) = &mut partners.bodies {
                 clock.time("bodies", || bodies.end_substep());
@@ -302,24 +308,15 @@ impl Liquid {
         if self.viscosity.is_some() {
             self.apply_viscosity(dt, partners, clock, record, watch)?;
         }
-        if let Some(coupled) = &mut partners.system {
-            let collide = |from, to| self.walls.collide(from, to).0;
-            coupled.detect_contacts(&self.solver.particles(&self.x, &collide), clock);
-        }
-        project_contacts(&mut partners.system, &self.x, &mut self.solver, &self.walls, &self.rest, clock);
+        self.detect_contacts(partners, clock);
+        self.project_contacts(dt, partners, clock);
         let target = self.target(dt, partners.system.as_deref());
         clock.around("solve", |clock| self.solve(dt, target, partners, clock, record, watch))?;
         self.retain();
         if let Some(viscosity) = &mut self.viscosity {
             self.momentum.give_back(&mut self.solver, &mut viscosity.pressures, dt);
         }
-        if let Some(coupled) = &mut partners.system {
-            let collide = |from, to| self.walls.collide(from, to).0;
-            let mut particles = self.solver.particles(&self.x, &collide);
-            self.first_energy += coupled.end_substep(&mut particles, &self.v, clock);
-            self.solver.restore_pins_with_work(&self.x);
-            self.solver.check_skin(&self.rest);
-        }
+        self.end_contacts(dt, partners, clock);
         clock.time("velocity", || self.update_velocities(dt));
         if self.v_before.is_some() {
             clock.time("friction", || self.apply_friction(dt, partners, record));
@@ -461,7 +458,7 @@ impl Liquid {
             self.solver.correct(&setup(&self.params, &self.rest, &self.walls));
             self.solver.restore_pins_with_work(x);
             self.push_bodies(dt, partners, clock);
-            project_contacts(&mut partners.system, &self.x, &mut self.solver, &self.walls, &self.rest, clock);
+            self.project_contacts(dt, partners, clock);
             record.iterations += 1;
         }
         self.solver.rigid.discard_samples();
@@ -568,24 +565,6 @@ fn setup<'a>(params: &LiquidParams, rest: &'a RestState, walls: &'a Walls) -> So
 
 fn neighbourhood<'a>(rest: &'a RestState, solver: &'a Solver, motion: &'a [Node]) -> Neighbourhood<'a> {
     Neighbourhood { rest, nodes: &solver.nodes, motion, lists: &solver.lists }
-}
-
-/// Projects the contacts with a coupled system.
-fn project_contacts(
-    coupled: &mut Option<&mut dyn CoupledSystem>,
-    x: &[Vec3],
-    solver: &mut Solver,
-    walls: &Walls,
-    rest: &RestState,
-    clock: &mut Clock,
-) {
-    let collide = |from, to| walls.collide(from, to).0;
-    if let Some(coupled) = coupled
-        && coupled.project_contacts(&mut solver.particles(x, &collide), clock)
-    {
-        solver.restore_pins_with_work(x);
-        solver.check_skin(rest);
-    }
 }
 
 /// Copies velocities into the layout of neighbour sums.

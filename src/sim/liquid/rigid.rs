@@ -20,7 +20,7 @@ use super::{
 use crate::{
     math::Vec3,
     par,
-    solid::{Pose, RigidBody},
+    solid::{BodySurface, Pose, RigidBody},
 };
 use nalgebra::Vector3;
 
@@ -31,6 +31,9 @@ pub(super) const NO_PAIR: u32 = u32::MAX;
 pub(in crate::sim) trait CoupledBodies {
     /// The bodies.
     fn bodies(&self) -> &[RigidBody];
+
+    /// Their surfaces, and the bodies.
+    fn surfaces(&self) -> (Vec<BodySurface<'_>>, &[RigidBody]);
 
     /// The bodies, to which impulses are added.
     fn bodies_mut(&mut self) -> &mut [RigidBody];
@@ -158,6 +161,11 @@ impl RigidSide {
     pub(super) fn resize(&mut self, particles: usize, has_bodies: bool) {
         self.projection.clear();
         self.projection.resize(if has_bodies { particles } else { 0 }, Vec3::zeros());
+    }
+
+    /// Starts sums of projections from zero.
+    pub(super) fn start_projection(&mut self) {
+        self.projection.fill(Vec3::zeros());
     }
 
     /// Ends the validity of the sampled densities, because particles or bodies move.

@@ -265,8 +265,9 @@ impl Solver {
         start: &'a [Vec3],
         collide: &'a (dyn Fn(Vec3, Vec3) -> Vec3 + Sync),
     ) -> SubstepParticles<'a> {
-        let Self { p, grid, built_at, .. } = self;
-        SubstepParticles { start, predicted: p, grid, sorted_at: built_at, collide }
+        let Self { p, grid, built_at, rigid, .. } = self;
+        let (_, projection) = rigid.samples_and_projection();
+        SubstepParticles { start, predicted: p, grid, sorted_at: built_at, collide, projection }
     }
 
     /// Moves the positions of the neighbour sums from x* to where the directions of the next corrections are evaluated. θ

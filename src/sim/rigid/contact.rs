@@ -18,11 +18,11 @@ use crate::{
 };
 use nalgebra::Vector3;
 
-/// Most sweeps over the contacts at the start of a substep, without friction and then as many with it: friction of normal impulses that are not yet those of
-/// the whole stack would move it.
+/// Maximum number of sweeps over the contacts at the start of a substep, without friction and then with it: friction of normal impulses that
+/// have not converged would move a stack.
 pub(super) const START_SWEEPS: u32 = 240;
 
-/// Change of velocity in a sweep, over that of the first, from which on sweeps end.
+/// Change of velocity in a sweep below which sweeps end, over that by gravity in a substep; without gravity, over that in the first sweep.
 const TOLERANCE: f64 = 1e-4;
 
 /// Sweeps for the rebounds, for the depth, and after the impulses of an iteration.
@@ -65,7 +65,7 @@ pub(super) struct Contact {
     /// Depth that is not removed [m].
     allowed: f64,
     /// The smaller inner radius of both [m].
-    inner_radius: f64,
+    pub(super) inner_radius: f64,
 }
 
 impl Contact {
@@ -201,14 +201,13 @@ pub(super) fn separate(contacts: &mut [Contact], bodies: &mut [RigidBody]) {
     }
 }
 
-/// Sweeps over the contacts in order, at most `sweeps` times, with friction or without.
+/// Sweeps over the contacts in order, at most `sweeps` times, with friction or without. `scale` is the speed that gravity gives in the substep [m/s].
 pub(super) fn resolve(
     contacts: &mut [Contact],
     bodies: &mut [RigidBody],
-    dt: f64,
+    (dt, mut scale): (f64, f64),
     (sweeps, has_friction): (u32, bool),
 ) {
-    let mut first = 0.0;
     for sweep in 0..sweeps {
         let mut largest = 0.0_f64;
         for contact in contacts.iter_mut() {
@@ -226,10 +225,10 @@ pub(super) fn resolve(
                 largest = largest.max(apply_friction(contact, bodies));
             }
         }
-        if sweep == 0 {
-            first = largest;
+        if sweep == 0 && scale == 0.0 {
+            scale = largest;
         }
-        if largest <= TOLERANCE * first {
+        if largest <= TOLERANCE * scale {
             break;
         }
     }

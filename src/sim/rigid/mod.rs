@@ -261,17 +261,6 @@ impl RigidBodies {
         wanted.min(f64::from(allowed)).max(f64::from(others)) as u32
     }
 
-    /// The surfaces of the bodies, and their states.
-    pub(super) fn surfaces(&self) -> (Vec<BodySurface<'_>>, &[RigidBody]) {
-        let surface = |obstacle| {
-            let obstacle: &Obstacle = obstacle;
-            let Obstacle { shape, center, reach, inner_radius, friction, .. } = obstacle;
-            let [inner_radius, friction] = [*inner_radius as f32, *friction as f32];
-            BodySurface { shape, center: *center, reach: *reach, inner_radius, friction }
-        };
-        (self.obstacles.iter().map(surface).collect(), &self.bodies)
-    }
-
     /// Largest motion of all in a substep [m].
     fn largest_motion(&self) -> f64 {
         self.obstacles.iter().map(Obstacle::largest_motion).fold(f64::INFINITY, f64::min)
@@ -341,7 +330,8 @@ impl RigidBodies {
 
     /// Resolves the contacts with friction, and moves the bodies.
     fn resolve(&mut self, sweeps: u32) {
-        resolve(&mut self.contacts, &mut self.bodies, self.dt, (sweeps, true));
+        let scale = self.gravity.norm() * self.dt;
+        resolve(&mut self.contacts, &mut self.bodies, (self.dt, scale), (sweeps, true));
         self.bodies.iter_mut().for_each(RigidBody::advance);
     }
 }
@@ -349,6 +339,16 @@ impl RigidBodies {
 impl CoupledBodies for RigidBodies {
     fn bodies(&self) -> &[RigidBody] {
         &self.bodies
+    }
+
+    fn surfaces(&self) -> (Vec<BodySurface<'_>>, &[RigidBody]) {
+        let surface = |obstacle| {
+            let obstacle: &Obstacle = obstacle;
+            let Obstacle { shape, center, reach, inner_radius, friction, .. } = obstacle;
+            let [inner_radius, friction] = [*inner_radius as f32, *friction as f32];
+            BodySurface { shape, center: *center, reach: *reach, inner_radius, friction }
+        };
+        (self.obstacles.iter().map(surface).collect(), &self.bodies)
     }
 
     fn bodies_mut(&mut self) -> &mut [RigidBody] {
@@ -376,7 +376,8 @@ impl CoupledBodies for RigidBodies {
         }
         self.find_contacts(now, dt);
         separate(&mut self.contacts, &mut self.bodies);
-        resolve(&mut self.contacts, &mut self.bodies, dt, (START_SWEEPS, false));
+        let scale = self.gravity.norm() * dt;
+        resolve(&mut self.contacts, &mut self.bodies, (dt, scale), (START_SWEEPS, false));
         self.resolve(START_SWEEPS);
         self.record.substeps += 1;
     }

@@ -1,7 +1,8 @@
 //! The contacts of a pair of surfaces that are solved.
 //!
-//! *Method*: contacts of about one normal act as one patch. Of each patch the deepest is kept, and those at its rim, as any distribution of
-//! pressure over a flat patch has the sum and the moment of one over its rim. With hundreds of contacts in a patch each sweep took 15 times as long.
+//! *Method*: contacts of about one normal are a patch. Of its contacts that touch, and of those that are still open, the deepest is kept, and those at the
+//! rim: any distribution of pressure over a flat patch has the sum and the moment of one over its rim. With hundreds of contacts in a patch each sweep
+//! took 15 times as long.
 //! Limits: friction against a turn about the normal acts at the rim, where its arm is longer than under an even pressure.
 
 use super::contact::Contact;
@@ -10,40 +11,55 @@ use nalgebra::Vector3;
 /// Cosine between normals of one patch.
 const PATCH_COSINE: f64 = 0.95;
 
+/// Gap over that of the deepest contact up to which contacts touch with it, over the inner radius.
+const TOUCHING_GAP: f64 = 0.01;
+
 /// Directions in which the rim is found, and their opposites.
 const DIRECTIONS: [[f64; 2]; 4] = [[1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [-1.0, 1.0]];
 
 /// Removes contacts from `first` on, which are those of one pair, that are neither the deepest of a patch nor at its rim.
 pub(super) fn keep_rim(contacts: &mut Vec<Contact>, first: usize) {
     let mut left: Vec<Contact> = contacts.split_off(first);
-    while let Some(deepest) = best(&left, |contact| -contact.gap) {
-        let n = left[deepest].normal;
-        let (mut patch, mut others) = (vec![left.swap_remove(deepest)], Vec::new());
+    while let Some(deepest) = largest(&left, |contact| -contact.gap) {
+        let deepest = left.swap_remove(deepest);
+        let limit = deepest.gap + TOUCHING_GAP * deepest.inner_radius;
+        let (mut touching, mut open, mut others) = (vec![deepest], Vec::new(), Vec::new());
         for contact in left {
-            if contact.normal.dot(&n) > PATCH_COSINE { patch.push(contact) } else { others.push(contact) }
+            let is_of_patch = contact.normal.dot(&deepest.normal) > PATCH_COSINE;
+            match (is_of_patch, contact.gap <= limit) {
+                (false, _) => others.push(contact),
+                (true, true) => touching.push(contact),
+                (true, false) => open.push(contact),
+            }
         }
-        let across = Vector3::ith(n.iamin(), 1.0).cross(&n).normalize();
-        let along = n.cross(&across);
-        // The deepest is the first.
-        let mut kept = vec![0];
-        for [a, b] in DIRECTIONS {
-            let direction = across * a + along * b;
-            kept.extend(best(&patch, |contact| contact.arms[0].dot(&direction)));
-            kept.extend(best(&patch, |contact| -contact.arms[0].dot(&direction)));
+        for part in [touching, open] {
+            contacts.extend(rim(&part, &deepest.normal).into_iter().map(|k| part[k]));
         }
-        kept.sort_unstable();
-        kept.dedup();
-        contacts.extend(kept.into_iter().map(|k| patch[k]));
         left = others;
     }
 }
 
+/// The deepest of contacts of one normal, and those that are farthest in the directions across it.
+fn rim(contacts: &[Contact], n: &Vector3<f64>) -> Vec<usize> {
+    let across = Vector3::ith(n.iamin(), 1.0).cross(n).normalize();
+    let along = n.cross(&across);
+    let mut kept: Vec<usize> = largest(contacts, |contact| -contact.gap).into_iter().collect();
+    for [a, b] in DIRECTIONS {
+        let direction = across * a + along * b;
+        kept.extend(largest(contacts, |contact| contact.arms[0].dot(&direction)));
+        kept.extend(largest(contacts, |contact| -contact.arms[0].dot(&direction)));
+    }
+    kept.sort_unstable();
+    kept.dedup();
+    kept
+}
+
 /// The first contact with the largest value.
-fn best(contacts: &[Contact], value: impl Fn(&Contact) -> f64) -> Option<usize> {
+fn largest(contacts: &[Contact], value: impl Fn(&Contact) -> f64) -> Option<usize> {
     let mut best: Option<(usize, f64)> = None;
     for (k, contact) in contacts.iter().enumerate() {
         let value = value(contact);
-        if best.is_none_or(|(_, largest)| value > largest) {
+        if best.is_none_or(|(_, largest)| value > largest || largest.is_nan()) {
             best = Some((k, value));
         }
     }
@@ -110,17 +126,46 @@ mod tests {
     }
 
     #[test]
-    fn the_deepest_is_kept_and_no_number_ends_the_search() {
-        let mut found = contacts(0.2, Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] });
+    fn the_deepest_is_kept_and_so_are_finite_contacts_next_to_nan() {
+        let flat = || contacts(0.2, Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] });
+        let mut found = flat();
         let mut deep = found[0];
         (deep.arms[0], deep.gap) = (Vector3::new(0.01, 0.02, -0.5), -0.1);
         found.insert(2, deep);
         keep_rim(&mut found, 0);
         assert!(found.iter().any(|contact| contact.gap == -0.1));
-        let before = found[0];
+        let mut found = flat();
+        let finite: Vec<_> = found[2..].iter().map(|contact| contact.arms[0]).collect();
+        found[0].gap = f64::NAN;
         found[1].normal *= f64::NAN;
-        found[2].gap = f64::NAN;
-        keep_rim(&mut found, 1);
-        assert!(found.len() > 2 && found[0].arms == before.arms);
+        keep_rim(&mut found, 0);
+        for arm in finite {
+            assert!(found.iter().any(|contact| contact.arms[0] == arm), "{arm} is gone");
+        }
+    }
+
+    #[test]
+    fn what_touches_is_kept_within_a_rim_that_is_open() {
+        // Two rails under the middle, of which one has eight contacts.
+        let mut found = contacts(0.0, Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] });
+        found.iter_mut().for_each(|contact| contact.gap = 0.05);
+        let rails: Vec<_> = (0..16_u32)
+            .map(|k| {
+                let x = if k % 2 == 0 { -0.1 } else { 0.1 };
+                Vector3::new(x, 0.04 * f64::from(k / 2) - 0.14, -0.5)
+            })
+            .collect();
+        let touching = rails.iter().map(|&arm| {
+            let mut contact = found[0];
+            (contact.arms[0], contact.gap) = (arm, 1e-4);
+            contact
+        });
+        let touching: Vec<_> = touching.collect();
+        found.extend(touching);
+        keep_rim(&mut found, 0);
+        for end in [rails[0], rails[1], rails[14], rails[15]] {
+            assert!(found.iter().any(|contact| contact.arms[0] == end), "no contact at {end}");
+        }
+        assert!(found.len() <= 18, "{} contacts", found.len());
     }
 }

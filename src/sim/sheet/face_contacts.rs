@@ -142,6 +142,11 @@ pub(in crate::sim) struct CoupledSubstep {
 }
 
 impl CoupledSubstep {
+    /// Length of the substep [s].
+    pub(in crate::sim) fn dt(&self) -> f64 {
+        self.dt
+    }
+
     /// Takes the present positions as those without contacts: later impulses come on top.
     pub(in crate::sim) fn restart_from(&mut self, sheets: &Sheets) {
         self.without_contacts = sheets.x.clone();

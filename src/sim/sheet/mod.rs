@@ -39,7 +39,7 @@ mod state;
 mod substep;
 mod vectors;
 
-pub(in crate::sim) use body_contacts::MAX_SOLVES;
+pub(in crate::sim) use body_contacts::{BodyContacts, MAX_SOLVES};
 pub use check::check;
 pub use error::SheetError;
 pub(in crate::sim) use face_contacts::{CoupledSubstep, FaceContact, FaceContacts};

@@ -1,6 +1,7 @@
 //! Couplings: conservation of momentum, no crossings, and independence of order, threads and restarts.
 
 mod bodies;
+mod bodies_liquid;
 mod combined;
 mod liquid;
 mod smoke;

@@ -30,6 +30,18 @@ pub(super) fn check_couplings(scene: &Scene, places: &Places, findings: &mut Vec
             findings.push(Finding::new(places.of(&key), &key, message, "found here").with_help(help));
         }
     }
+    let is_joined = resolved.as_ref().is_ok_and(|resolved| !resolved.liquid.is_empty());
+    if !scene.body.is_empty()
+        && scene.liquid.is_some()
+        && !scene.sheet.is_empty()
+        && resolved.is_ok()
+        && !is_joined
+    {
+        let message = "`[[body]]` acts on `[liquid]` and `[[sheet]]` in one shot if both are coupled";
+        let label = "found all three without a `[[coupling]]` of the liquid with a sheet";
+        let help = "add a `[[coupling]]` with `between = [\"liquid\", \"NAME\"]` and the `name` of a `[[sheet]]`, or simulate two shots";
+        findings.push(Finding::new(places.of("body"), "body", message, label).with_help(help));
+    }
     if let Err(error) = resolved {
         let help = help(&error, &present);
         let key = error.key().to_owned();

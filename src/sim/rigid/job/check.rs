@@ -40,10 +40,6 @@ pub(super) fn check(scene: &Scene, places: &Places, findings: &mut Vec<Finding>)
                 "remove `[sheets.contact]`, or use a `[[world.collider]]` with keyframes in place of the body",
             );
         }
-        if scene.liquid.is_some() && !scene.sheet.is_empty() {
-            let message = "`[[body]]` acts on `[liquid]` or on `[[sheet]]`, not on both in one shot".into();
-            report("body".into(), message, "found all three".into(), help);
-        }
     }
     let mut more = Vec::new();
     for (index, body) in scene.body.iter().enumerate() {

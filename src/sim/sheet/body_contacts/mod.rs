@@ -15,6 +15,7 @@ mod contact;
 mod impact;
 mod solve;
 
+pub(in crate::sim) use contact::BodyContacts;
 pub(in crate::sim) use solve::MAX_SOLVES;
 
 use super::{
@@ -26,7 +27,7 @@ use crate::{
     par,
     solid::{BodySurface, Pose, RigidBody},
 };
-use contact::{BodyContact, BodyContacts};
+use contact::BodyContact;
 use impact::{Impact, MARGIN, Path};
 
 impl Sheets {
