@@ -130,3 +130,27 @@ fn the_bytes_are_the_same_on_any_threads_and_resumed_and_the_coupling_is_needed(
     let error = Simulation::new(world, Systems { couplings: Vec::new(), ..systems }).unwrap_err();
     assert!(matches!(error, SetupError::BodiesBetween), "{error}");
 }
+
+#[test]
+fn a_ball_falls_into_a_cloth_before_the_liquid_comes() {
+    let tap = "[[liquid.emitter]]\nshape = { disc = { center = [0, 0, 0.5], normal = [0, 0, -1], radius = 0.05 } }\n\
+               rate = 0.002\non = [{ start = 50 }]\n";
+    let cloth = format!(
+        "density = 2\nstiffness = [1000, 1000]\ndamping = 2\npin = [{{ at = {{ points = {:?} }} }}]",
+        border(24)
+    );
+    let scene = || shot(9.81, &cloth, tap, vec![ball(0.07, 600.0, [0.0, 0.02, 0.12], [0.0; 3])]);
+    let (world, systems) = scene();
+    let alone = Systems { liquid: None, couplings: Vec::new(), ..systems };
+    let [with, without] = [scene(), (world, alone)].map(|scene| {
+        let mut simulation = start(scene);
+        let records = advance(&mut simulation, 8);
+        let found: Vec<_> =
+            records.iter().map(|record| record.coupling.clone().unwrap().bodies.unwrap()).collect();
+        assert!(found.iter().any(|record| record.contacts > 3), "{found:?}");
+        assert!(found.iter().all(|record| record.penetration < 0.02), "{found:?}");
+        channel(&state(&simulation), "bodies", "position")[0]
+    });
+    println!("{with:?}, {without:?}");
+    assert!((with - without).norm() < 0.02, "{with:?}, {without:?}");
+}
