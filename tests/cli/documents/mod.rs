@@ -5,6 +5,7 @@
 
 mod block;
 mod checked;
+mod links;
 mod reader;
 mod symptoms;
 
