@@ -2,7 +2,7 @@
 //!
 //! *Method*: points on the surfaces (`samples.rs`) against signed distances. Contacts are found once a substep, within the distance that
 //! the bodies can move in it, and act across a surface, not along it: a point of a floor in front of a body that glides on it is level with the edge of the
-//! body, and nearest to its side. Where the normals of two surfaces differ, the flatter one's counts: meshes have rounded edges. Depth is removed first, by moving the bodies without a change of velocity. Sequential impulses ([catto05])
+//! body, and nearest to its side. Where the normals of two surfaces differ, that of a flat one counts: meshes have rounded edges. Depth is removed first, by moving the bodies without a change of velocity. Sequential impulses ([catto05])
 //! then make the velocities satisfy gap + Δt n·(v_a − v_b) ≥ 0 with Coulomb friction; impulses accumulate over the substep, and may
 //! decrease again when the liquid lifts a body. Restitution is added to the velocities at the end of the substep.
 //! *Departs from [catto05]*: impulses start at zero in each substep, so that a frame is the whole state; depth does not add to velocities.

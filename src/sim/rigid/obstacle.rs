@@ -19,6 +19,9 @@ const FACING_STEP: f64 = 0.1;
 /// Smallest cosine between a surface's normal and the direction of a contact across it: one of the faces of a box always has 0.577.
 const FACING_COSINE: f32 = 0.5;
 
+/// Turn of the normal of a flat surface over that length on both sides, as 1 − cosine. A ball of that inner radius has 0.005.
+const FLAT_TURN: f32 = 1e-3;
+
 /// Cosine from which on two normals are one.
 const SAME_COSINE: f32 = 0.98;
 
@@ -173,8 +176,8 @@ impl<'a> Placed<'a> {
     }
 
     /// The normal out of `other` of a contact at `x` on this surface, where that of `other` is `n`, and its cosine with `n`; `None` if no surface here faces
-    /// `other`. Two smooth surfaces touch where their normals are opposite. Where they are not, the edge of one of them is rounded by its sampling, and the
-    /// flatter surface has the normal.
+    /// `other`. Two smooth surfaces touch where their normals are opposite. Where they are not and this one is flat, the edge of the other is rounded by its sampling, and
+    /// this one has the normal.
     pub(super) fn common_normal(&self, other: &Self, x: Vec3, n: Vec3) -> Option<(Vec3, f32)> {
         let step = (FACING_STEP * self.obstacle.inner_radius) as f32;
         let facing = (self.contact(x - n * step).0 - self.contact(x).0) / step;
@@ -192,6 +195,7 @@ impl<'a> Placed<'a> {
             let at = |x: Vec3| 1.0 - of.contact(x).1.dot(&normal);
             at(x + aside).max(at(x - aside))
         };
-        Some(if turn(other, n) > turn(self, own) { (-own, cosine) } else { (n, 1.0) })
+        let is_flat = turn(self, own) < FLAT_TURN && turn(other, n) > FLAT_TURN;
+        Some(if is_flat { (-own, cosine) } else { (n, 1.0) })
     }
 }
