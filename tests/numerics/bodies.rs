@@ -1,6 +1,6 @@
 //! Rigid bodies: buoyancy, momentum, contact, and the same bytes every time.
 
-use crate::{is_soak, thread_counts};
+use crate::{is_soak, solids, thread_counts};
 use meniscus::{
     frame::{Frame, FrameIndex, Stream},
     math::Vec3,
@@ -379,6 +379,43 @@ fn a_stack_of_boxes_rests_and_a_row_of_balls_keeps_its_momentum() {
         let v = bodies(&simulation, "velocity");
         assert!((v[0].x + v[1].x - 2.0).abs() < 1e-5, "{v:?}");
         assert!((v[1].x - v[0].x - 2.0 * restitution).abs() < 1e-3, "e = {restitution}: {v:?}");
+    }
+}
+
+/// A crate of a half of 10 cm as the mesh of a file: its edges are rounded by the voxels.
+fn mesh_crate(density: f32, position: [f32; 3]) -> BodyParams {
+    at(Shape::Mesh(solids::cuboid([-0.1; 3], [0.1; 3], 64)), density, position)
+}
+
+#[test]
+fn crates_of_a_mesh_stand_on_each_other_and_glide_as_boxes_do() {
+    let stack = (0..4_u8).map(|k| mesh_crate(600.0, [0.0, 0.0, 0.1 + 0.2 * f32::from(k)])).collect();
+    let mut simulation = on_floor(0.0, stack);
+    advance(&mut simulation, 48);
+    let spins = bodies(&simulation, "angular_velocity");
+    for (k, x) in (0_u8..).zip(bodies(&simulation, "position")) {
+        let expected = Vec3::new(0.0, 0.0, 0.1 + 0.2 * f32::from(k));
+        assert!((x - expected).norm() < 1e-3, "crate {k}: {x}, expected {expected}");
+        let spin = spins[usize::from(k)];
+        assert!(spin.norm() < 0.01, "crate {k}: {spin}");
+    }
+    for turn in [0.0, 12.0] {
+        let table = Solid::fixed(Shape::Box { min: [-1.5, -0.5, -0.2], max: [1.5, 0.5, 0.0] });
+        let body = BodyParams {
+            velocity: [0.5, 0.0, 0.0],
+            rotation: [0.0, 0.0, turn],
+            friction: 0.0,
+            ..mesh_crate(500.0, [-0.3, 0.02, 0.1])
+        };
+        let world = World { gravity: Vec3::new(0.0, 0.0, -G), solids: vec![table] };
+        let mut simulation =
+            Simulation::new(world, Systems { bodies: vec![body], ..Systems::default() }).expect("it starts");
+        advance(&mut simulation, 36);
+        let [x, v, spin] =
+            ["position", "velocity", "angular_velocity"].map(|column| bodies(&simulation, column)[0]);
+        let off = x - Vec3::new(0.45, 0.02, 0.1);
+        assert!(off.norm() < 2e-3 && (v.x - 0.5).abs() < 1e-3, "turned by {turn}: {off} m off, {v}");
+        assert!(spin.norm() < 0.02, "turned by {turn}: {spin}");
     }
 }
 

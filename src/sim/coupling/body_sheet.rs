@@ -94,16 +94,16 @@ impl BodySheetStep {
         self.found.energies(bodies.bodies(), &self.momenta)
     }
 
-    /// Moves points that are still inside bodies out of them, at the end of the substep at `then` [s], and counts.
+    /// Moves points that are still inside bodies out of them, at the end of the substep, and counts.
     pub(super) fn end(
         &self,
         sheets: &mut Sheets,
+        substep: &CoupledSubstep,
         bodies: &dyn CoupledBodies,
-        then: f64,
         record: &mut BodySheetRecord,
     ) {
         let (surfaces, states) = bodies.surfaces();
-        let depth = sheets.leave_bodies(&self.found, (&surfaces, states), then);
+        let depth = sheets.leave_bodies(&self.found, (&surfaces, states), substep.end());
         record.contacts = record.contacts.max(self.found.touching());
         record.unconverged += self.unconverged;
         record.penetration = record.penetration.max(f64::from(depth));
@@ -146,7 +146,7 @@ pub(in crate::sim) fn advance_bodies_and_sheets(
             sheets.account_energy(&substep, step.energies(bodies), &mut record);
         });
         clock.time(BODY_PASSES[0], || bodies.end_substep());
-        clock.time(BODY_PASSES[1], || step.end(sheets, bodies, now + dt, &mut contact));
+        clock.time(BODY_PASSES[1], || step.end(sheets, &substep, bodies, &mut contact));
         last = Some(step);
         Ok(dt)
     })?;

@@ -118,7 +118,6 @@ struct SubstepState {
     /// Contact with bodies, and that of the substep before.
     bodies: Option<BodySheetStep>,
     last_bodies: Option<BodySheetStep>,
-    now: f64,
 }
 
 impl<'a> CoupledSheets<'a> {
@@ -355,7 +354,6 @@ impl CoupledSystem for CoupledSheets<'_> {
             lambda: Vec::new(),
             bodies: None,
             last_bodies: self.step.take().and_then(|step| step.bodies),
-            now,
         });
         Ok(())
     }
@@ -541,7 +539,7 @@ impl CoupledSheets<'_> {
         let pushing = contact.energies(bodies).or(pushing);
         self.sheets.account_energy(&step.coupled, pushing, &mut self.sheet_record);
         let record = self.body_record.get_or_insert_default();
-        clock.time(BODY_PASSES[1], || contact.end(self.sheets, bodies, step.now + step.dt, record));
+        clock.time(BODY_PASSES[1], || contact.end(self.sheets, &step.coupled, bodies, record));
     }
 
     /// One iteration over the contacts of the substep. Returns whether any was violated.

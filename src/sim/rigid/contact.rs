@@ -1,10 +1,10 @@
 //! Contacts of rigid bodies with colliders and with each other.
 //!
 //! *Method*: points on the surfaces (`samples.rs`) against signed distances. Contacts are found once a substep, within the distance that
-//! the bodies can move in it, and act across a surface, not along it: a point of a floor in front of a body that glides on it is level with the edge of the
-//! body, and nearest to its side. Where the normals of two surfaces differ, that of a flat one counts: meshes have rounded edges. Depth is removed first, by moving the bodies without a change of velocity. Sequential impulses ([catto05])
-//! then make the velocities satisfy gap + Δt n·(v_a − v_b) ≥ 0 with Coulomb friction; impulses accumulate over the substep, and may
-//! decrease again when the liquid lifts a body. Restitution is added to the velocities at the end of the substep.
+//! the bodies can move in it, and act across a surface, not along it: a point of a floor in front of a body that glides on it is level with
+//! the edge of the body, and nearest to its side. Depth is removed first, by moving the bodies without a change of velocity. Sequential
+//! impulses ([catto05]) then make the velocities satisfy gap + Δt n·(v_a − v_b) ≥ 0 with Coulomb friction; impulses accumulate over the
+//! substep, and may decrease again when the liquid lifts a body. Restitution is added to the velocities at the end of the substep.
 //! *Departs from [catto05]*: impulses start at zero in each substep, so that a frame is the whole state; depth does not add to velocities.
 //!
 //! Symbols: n → `normal`, out of b, the collider or the second body; λ → `normal_impulse` [kg m/s].
@@ -125,10 +125,8 @@ pub(super) fn find(
         let x = body.before.to_world(point.x);
         let (d, n) = other.contact(x);
         let surface = x - n * point.radius;
-        if d - point.radius < margin
-            && let Some((normal, cosine)) = body.common_normal(other, surface, n)
-        {
-            add(surface, normal, (d - point.radius) / cosine);
+        if d - point.radius < margin && body.is_facing(surface, -n) {
+            add(surface, n, d - point.radius);
         }
     }
     // A ball touches anything at one point, which the first loop has found.
@@ -136,10 +134,8 @@ pub(super) fn find(
         for point in other.points() {
             let x = other.before.to_world(point.x);
             let (d, n) = body.contact(x);
-            if d - point.radius < margin
-                && let Some((normal, cosine)) = other.common_normal(body, x - n * point.radius, n)
-            {
-                add(x - n * d, -normal, (d - point.radius) / cosine);
+            if d - point.radius < margin && other.is_facing(x - n * point.radius, -n) {
+                add(x - n * d, -n, d - point.radius);
             }
         }
     }

@@ -224,21 +224,6 @@ mod tests {
     }
 
     #[test]
-    fn the_rounded_edge_of_a_mesh_does_not_catch_on_a_box() {
-        let table = Solid::fixed(Shape::Box { min: [-1.5, -0.5, -0.2], max: [1.5, 0.5, 0.0] });
-        let mesh = mesh([-0.1; 3], [0.1; 3], |x, _| x).shape;
-        let body = BodyParams {
-            position: [-0.3, 0.02, 0.1],
-            rotation: [0.0, 0.0, 12.0],
-            velocity: [0.5, 0.0, 0.0],
-            friction: 0.0,
-            ..BodyParams::new(mesh, 500.0)
-        };
-        let (x, v) = end_of(body, Vec3::z() * -9.81, table);
-        assert!((x - Vec3::new(0.45, 0.02, 0.1)).norm() < 5e-3 && (v.x - 0.5).abs() < 2e-3, "at {x}, {v}");
-    }
-
-    #[test]
     fn a_collider_that_grows_pushes_a_body_away() {
         let key = |frame, scale| Keyframe {
             frame,

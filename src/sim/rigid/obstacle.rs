@@ -16,14 +16,8 @@ const LARGEST_MOTION: f64 = 0.25;
 /// Length over which the direction of a surface is found, over the inner radius.
 const FACING_STEP: f64 = 0.1;
 
-/// Smallest cosine between a surface's normal and the direction of a contact across it: one of the faces of a box always has 0.577.
+/// Least cosine between a surface's normal and the direction of a contact across it: one of the faces of a box always has 0.577.
 const FACING_COSINE: f32 = 0.5;
-
-/// Turn of the normal of a flat surface over that length on both sides, as 1 − cosine. A ball of that inner radius has 0.005.
-const FLAT_TURN: f32 = 1e-3;
-
-/// Cosine from which on two normals are one.
-const SAME_COSINE: f32 = 0.98;
 
 /// A shape as an obstacle, with the points of its surface.
 #[derive(Clone, Debug)]
@@ -175,27 +169,10 @@ impl<'a> Placed<'a> {
         (d, self.before.rotation * n)
     }
 
-    /// The normal out of `other` of a contact at `x` on this surface, where that of `other` is `n`, and its cosine with `n`; `None` if no surface here faces
-    /// `other`. Two smooth surfaces touch where their normals are opposite. Where they are not and this one is flat, the edge of the other is rounded by its sampling, and
-    /// this one has the normal.
-    pub(super) fn common_normal(&self, other: &Self, x: Vec3, n: Vec3) -> Option<(Vec3, f32)> {
-        let step = (FACING_STEP * self.obstacle.inner_radius) as f32;
-        let facing = (self.contact(x - n * step).0 - self.contact(x).0) / step;
-        if facing.is_nan() || facing < FACING_COSINE {
-            return None;
-        }
-        let (own, step) = (self.contact(x).1, step.min((FACING_STEP * other.obstacle.inner_radius) as f32));
-        let cosine = -own.dot(&n);
-        // At an edge or corner of this surface all normals between those of its faces are its own.
-        if facing > SAME_COSINE || !(FACING_COSINE..SAME_COSINE).contains(&cosine) {
-            return Some((n, 1.0));
-        }
-        let aside = (own + n).normalize() * step;
-        let turn = |of: &Self, normal: Vec3| {
-            let at = |x: Vec3| 1.0 - of.contact(x).1.dot(&normal);
-            at(x + aside).max(at(x - aside))
-        };
-        let is_flat = turn(self, own) < FLAT_TURN && turn(other, n) > FLAT_TURN;
-        Some(if is_flat { (-own, cosine) } else { (n, 1.0) })
+    /// Whether the surface at `x`, or one of those that meet at this edge, faces the unit vector `direction`.
+    pub(super) fn is_facing(&self, x: Vec3, direction: Vec3) -> bool {
+        let (shape, step) = (self.shape(), (FACING_STEP * self.obstacle.inner_radius) as f32);
+        let distance = |x: Vec3| shape.signed_distance(self.before.to_local(x));
+        distance(x + direction * step) - distance(x) >= FACING_COSINE * step
     }
 }

@@ -11,8 +11,9 @@ use nalgebra::Vector3;
 /// Cosine between normals of one patch.
 const PATCH_COSINE: f64 = 0.95;
 
-/// Gap over that of the deepest contact up to which contacts touch with it, over the inner radius.
-const TOUCHING_GAP: f64 = 0.01;
+/// Gap over that of the deepest contact up to which contacts touch with it, over the inner radius. With 0.01 the edges of a mesh, which its
+/// voxels round, took the place of contacts that touch.
+const TOUCHING_GAP: f64 = 1e-3;
 
 /// Directions in which the rim is found, and their opposites.
 const DIRECTIONS: [[f64; 2]; 4] = [[1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [-1.0, 1.0]];

@@ -147,6 +147,11 @@ impl CoupledSubstep {
         self.dt
     }
 
+    /// Time of its end [s].
+    pub(in crate::sim) fn end(&self) -> f64 {
+        self.now + self.dt
+    }
+
     /// Takes the present positions as those without contacts: later impulses come on top.
     pub(in crate::sim) fn restart_from(&mut self, sheets: &Sheets) {
         self.without_contacts = sheets.x.clone();
