@@ -85,6 +85,27 @@ fn rafts_float_at_the_draft_of_archimedes() {
 }
 
 #[test]
+fn a_submerged_ball_rises_with_the_layer_of_liquid_at_it() {
+    // By potential flow half of the displaced mass moves along. Here the layer of particles at the ball does, too, so that
+    // it is half of what a ball of one more spacing displaces. `LiquidSeeds::submerged_body` reports it.
+    let cases: &[f32] = if is_soak() { &[4.0, 6.0, 10.0] } else { &[4.0] };
+    for &spacings in cases {
+        let (radius, spacing, ratio) = (0.08, 0.08 / spacings, 0.5_f32);
+        let (side, depth) = (6.0 * radius, 8.0 * radius);
+        let ball = Shape::Sphere { center: [0.0; 3], radius };
+        let body = at(ball, 1000.0 * ratio, [0.5 * side, 0.5 * side, 2.0 * radius]);
+        let mut simulation = tank(side, depth, spacing, "kernel_radius = 2.5", vec![body]);
+        advance(&mut simulation, 4);
+        let rise = bodies(&simulation, "position")[0].z - 2.0 * radius;
+        let added = 1.5 * (1.0 + 1.0 / spacings).powi(3) - 1.0;
+        let time = 4.0 * FRAME as f32;
+        let expected = 0.5 * G * (1.0 - ratio) / (ratio + added) * time * time;
+        println!("{spacings} spacings: {rise} m, expected {expected}, in theory {}", expected * (ratio + added));
+        assert!((rise / expected - 1.0).abs() < 0.2, "{spacings} spacings: {rise} m, expected {expected}");
+    }
+}
+
+#[test]
 fn momentum_of_liquid_and_bodies_is_conserved() {
     let text = "spacing = 0.02\nsurface_tension = { coefficient = 1.0 }\n[[source]]\nvelocity = [0.1, 0, 0]\n\
         shape = { sphere = { center = [0, 0, 0], radius = 0.14 } }";

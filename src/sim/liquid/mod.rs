@@ -75,7 +75,8 @@ pub use params::{
     Micropolar, SolverKind, SurfaceTension, VorticityConfinement, Xsph,
 };
 pub use record::{
-    Clamps, EmptySource, FlowRecord, FlowTotals, LiquidRecord, LiquidSeeds, NozzleReport, ThinSolid,
+    Clamps, EmptySource, FlowRecord, FlowTotals, LiquidRecord, LiquidSeeds, NozzleReport, SubmergedBody,
+    ThinSolid,
 };
 pub(super) use rigid::CoupledBodies;
 

@@ -22,6 +22,8 @@ pub struct LiquidSeeds {
     pub speed: f64,
     /// Whether the rows of resting liquid can hold rigid bodies, as viscosity keeps them and the kernel is narrow; not after a restart.
     pub rows_hold_bodies: bool,
+    /// The smallest of the bodies that start inside inviscid liquid, if its inertia at them is far too large; none after a restart.
+    pub submerged_body: Option<SubmergedBody>,
     /// The sources without particles, in order; none after a restart.
     pub empty_sources: Vec<EmptySource>,
     /// Colliders so thin that liquid on one side acts on liquid on the other, in order; none after a restart.
@@ -37,6 +39,17 @@ pub struct LiquidSeeds {
     pub thin_outflows: Vec<u32>,
     /// Largest speed that `cfl` and `max_substeps` allow without gravity [m/s].
     pub allowed_speed: f64,
+}
+
+/// The smallest of the rigid bodies that start inside the liquid.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+#[non_exhaustive]
+pub struct SubmergedBody {
+    /// Its index.
+    pub index: u32,
+    /// Its inner radius over the spacing.
+    pub spacings: f64,
 }
 
 /// The nozzle of an emitter at the start of a shot.

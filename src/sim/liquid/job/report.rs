@@ -10,7 +10,9 @@ use crate::{
     },
     sim::{
         FrameRecord, force,
-        liquid::{EmptySource, LiquidRecord, LiquidSeeds, NAME, ThinSolid, record::FRAME_FIGURES},
+        liquid::{
+            EmptySource, LiquidRecord, LiquidSeeds, NAME, SubmergedBody, ThinSolid, record::FRAME_FIGURES,
+        },
         system::{CachedFrame, PlottedFigure},
     },
 };
@@ -65,10 +67,21 @@ pub(super) fn seeding_warnings(seeds: &LiquidSeeds) -> Vec<String> {
              liquid.spacing, or leave `liquid.viscosity` out to save its time"
         ));
     }
+    if let Some(SubmergedBody { index, spacings, .. }) = seeds.submerged_body {
+        // The layer, and the liquid around both, of which half of the displaced mass moves along.
+        let added = 1.5 * (1.0 + 1.0 / spacings).powi(3) - 1.0;
+        warnings.push(format!(
+            "body.{index} starts inside the liquid, and its inner radius is {} spacings: the layer of particles at it moves \
+             along, so that it starts to rise or sink with {} times the displaced mass added, not with 0.5. Lower \
+             liquid.spacing if it moves too slowly",
+            figure(spacings, 2),
+            figure(added, 2)
+        ));
+    }
     if seeds.rows_hold_bodies {
         warnings.push(
-            "viscous liquid keeps its particles in rows, which hold bodies of up to twice its density in place: \
-             write liquid.kernel_radius = 2.5"
+            "liquid at rest keeps its particles in rows, which hold bodies back, viscous liquid those of up to twice \
+             its density in place: write liquid.kernel_radius = 2.5"
                 .into(),
         );
     }
@@ -374,5 +387,14 @@ mod tests {
         );
         let held = LiquidSeeds { rows_hold_bodies: true, ..LiquidSeeds::default() };
         assert!(seeding_warnings(&held)[0].contains("kernel_radius = 2.5"));
+    }
+
+    #[test]
+    fn a_submerged_body_is_named_with_the_mass_that_moves_along() {
+        let submerged_body = Some(SubmergedBody { index: 3, spacings: 4.0 });
+        let seeds = LiquidSeeds { submerged_body, ..LiquidSeeds::default() };
+        let [warning] = &seeding_warnings(&seeds)[..] else { panic!("one warning") };
+        assert!(warning.contains("body.3") && warning.contains("is 4 spacings"), "{warning}");
+        assert!(warning.contains("1.9 times"), "{warning}");
     }
 }
