@@ -100,7 +100,10 @@ fn a_submerged_ball_rises_with_the_layer_of_liquid_at_it() {
         let added = 1.5 * (1.0 + 1.0 / spacings).powi(3) - 1.0;
         let time = 4.0 * FRAME as f32;
         let expected = 0.5 * G * (1.0 - ratio) / (ratio + added) * time * time;
-        println!("{spacings} spacings: {rise} m, expected {expected}, in theory {}", expected * (ratio + added));
+        println!(
+            "{spacings} spacings: {rise} m, expected {expected}, in theory {}",
+            expected * (ratio + added)
+        );
         assert!((rise / expected - 1.0).abs() < 0.2, "{spacings} spacings: {rise} m, expected {expected}");
     }
 }

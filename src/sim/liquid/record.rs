@@ -20,7 +20,8 @@ pub struct LiquidSeeds {
     pub solver_viscosity: f64,
     /// That speed [m/s].
     pub speed: f64,
-    /// Whether the rows of resting liquid can hold rigid bodies, as viscosity keeps them and the kernel is narrow; not after a restart.
+    /// Whether the rows of resting liquid can hold rigid bodies that are submerged or in viscous liquid, as the kernel is narrow; not after a
+    /// restart.
     pub rows_hold_bodies: bool,
     /// The smallest of the bodies that start inside inviscid liquid, if its inertia at them is far too large; none after a restart.
     pub submerged_body: Option<SubmergedBody>,
@@ -46,9 +47,9 @@ pub struct LiquidSeeds {
 #[serde(default)]
 #[non_exhaustive]
 pub struct SubmergedBody {
-    /// Its index.
+    /// Index of the body.
     pub index: u32,
-    /// Its inner radius over the spacing.
+    /// Inner radius over the spacing.
     pub spacings: f64,
 }
 
