@@ -172,15 +172,15 @@ fn faults_of_bodies_are_named_with_their_place() {
     let viscous = SMALL.replacen("[liquid.xsph]", "[liquid.viscosity]\ndynamic = 100", 1);
     desk.write("viscous.toml", format!("{viscous}{CRATE}"));
     let (_, talk) = desk.run("simulate viscous.toml --frames 1", 0);
-    assert!(talk.contains("which hold bodies back"), "{talk}");
+    assert!(talk.contains("which hold bodies of up to twice its density"), "{talk}");
     let (_, talk) = desk.run("simulate viscous.toml -o wide --frames 1 --set liquid.kernel_radius=2.5", 0);
     assert!(!talk.contains("which hold bodies"), "{talk}");
 
-    // The box of 20 cm has 0.35 m to its corners, and 0.4 m to the source's faces.
+    // The box of 40 cm is inside the source of 80 cm.
     desk.write("submerged.toml", format!("{SMALL}{}", CRATE.replacen("1.2, 0.4, 0.6", "0.4, 0.4, 0.4", 1)));
     let (_, talk) = desk.run("simulate submerged.toml --frames 1", 0);
-    assert!(talk.contains("body.0 starts inside the liquid, and its inner radius is 2 spacings"), "{talk}");
-    assert!(talk.contains("which hold bodies back"), "{talk}");
+    assert!(talk.contains("body.0 starts inside the liquid. Its inner radius is 2 spacings"), "{talk}");
+    assert!(talk.contains("Write liquid.kernel_radius = 2.5"), "{talk}");
 
     // Bodies that start inside the tank's walls or each other are counted.
     desk.write("overlap.toml", format!("{SMALL}{CRATE}{}", CRATE.replacen("1.2, 0.4", "1.5, 0.4", 1)));

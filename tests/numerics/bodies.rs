@@ -86,8 +86,8 @@ fn rafts_float_at_the_draft_of_archimedes() {
 
 #[test]
 fn a_submerged_ball_rises_with_the_layer_of_liquid_at_it() {
-    // By potential flow half of the displaced mass moves along. Here the layer of particles at the ball does, too, so that
-    // it is half of what a ball of one more spacing displaces. `LiquidSeeds::submerged_body` reports it.
+    // By potential flow half of the displaced mass moves along; walls at 3 and 2 radii make that 0.55 at most. Here the layer of
+    // particles at the ball moves along, too, and half of what both displace. `LiquidSeeds::submerged_body` reports it.
     let cases: &[f32] = if is_soak() { &[4.0, 6.0, 10.0] } else { &[4.0] };
     for &spacings in cases {
         let (radius, spacing, ratio) = (0.08, 0.08 / spacings, 0.5_f32);
@@ -102,7 +102,7 @@ fn a_submerged_ball_rises_with_the_layer_of_liquid_at_it() {
         let expected = 0.5 * G * (1.0 - ratio) / (ratio + added) * time * time;
         println!(
             "{spacings} spacings: {rise} m, expected {expected}, in theory {}",
-            expected * (ratio + added)
+            expected * (ratio + added) / (ratio + 0.5)
         );
         assert!((rise / expected - 1.0).abs() < 0.2, "{spacings} spacings: {rise} m, expected {expected}");
     }

@@ -59,6 +59,7 @@ mod setup;
 mod solve;
 mod sparse;
 mod state;
+mod submerged;
 mod surface_tension;
 mod target;
 mod viscosity;

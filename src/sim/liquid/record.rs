@@ -20,10 +20,10 @@ pub struct LiquidSeeds {
     pub solver_viscosity: f64,
     /// That speed [m/s].
     pub speed: f64,
-    /// Whether the rows of resting liquid can hold rigid bodies that are submerged or in viscous liquid, as the kernel is narrow; not after a
-    /// restart.
+    /// Whether the rows of resting liquid can hold rigid bodies, as viscosity keeps them and the kernel is narrow; not after a restart.
     pub rows_hold_bodies: bool,
-    /// The smallest of the bodies that start inside inviscid liquid, if its inertia at them is far too large; none after a restart.
+    /// The smallest of the bodies that start inside liquid, if there are some below 20 spacings of inner radius and viscosity does not slow
+    /// them; none after a restart.
     pub submerged_body: Option<SubmergedBody>,
     /// The sources without particles, in order; none after a restart.
     pub empty_sources: Vec<EmptySource>,
@@ -49,8 +49,12 @@ pub struct LiquidSeeds {
 pub struct SubmergedBody {
     /// Index of the body.
     pub index: u32,
+    /// Number of the others.
+    pub others: u32,
     /// Inner radius over the spacing.
     pub spacings: f64,
+    /// Whether the kernel is so narrow that liquid at rest holds bodies back.
+    pub is_kernel_narrow: bool,
 }
 
 /// The nozzle of an emitter at the start of a shot.

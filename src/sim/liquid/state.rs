@@ -8,10 +8,11 @@ use super::{
     inflow::Inflow,
     micropolar::Microrotation,
     outflow::Outflow,
-    record::{FRAME_FIGURES, SubmergedBody},
+    record::FRAME_FIGURES,
     repulsion::Repulsion,
     seed,
     solve::Solver,
+    submerged::{FREE_KERNEL_RADIUS, submerged_body},
     surface_tension::Tension,
     viscosity::ViscositySolver,
     vorticity::Confinement,
@@ -28,15 +29,6 @@ use crate::{
 /// Kinematic viscosity with which eddies fade without viscosity, over speed times spacing: 0.5 to 1.1 for four eddies in a
 /// square of 0.4 m at 1 m/s, 1 and 2 cm spacing, after the first 0.1 s (docs/decisions/018).
 const EDDY_DISSIPATION: f64 = 0.5;
-
-/// Support of the kernel in spacings from which on bodies move through liquid that rests in its rows. With 2, a ball of twice the density
-/// of viscous liquid slows down until it stays; with 2.2 it sinks at 0.9 of its speed with 2.5. In water a ball of half the density and 6
-/// spacings of radius rises by a quarter of the distance in theory with 2, and by half of it with 2.2 and 2.5.
-const FREE_KERNEL_RADIUS: f32 = 2.2;
-
-/// Inner radius in spacings below which liquid has too much inertia at a submerged body: the layer of particles that moves along is then at
-/// least as heavy as a sixth of what the body displaces.
-const SUFFICIENT_SPACINGS: f32 = 20.0;
 
 /// Name of the channel of the microrotation.
 const MICROROTATION: &str = "microrotation";
@@ -57,22 +49,6 @@ fn thin_solids(rest: &RestState, colliders: &[Solid], bodies: &[Solid]) -> Vec<T
         thin.map(of).collect::<Vec<_>>()
     };
     [thin(colliders, false), thin(bodies, true)].concat()
-}
-
-/// The smallest of the bodies that start inside a source, if it is small.
-fn submerged_body(
-    params: &LiquidParams,
-    (solids, bodies): (&[Solid], &[RigidBody]),
-) -> Option<SubmergedBody> {
-    let submerged = (0..).zip(solids).zip(bodies).filter_map(|((index, solid), body)| {
-        let spacings = solid.shape.inner_radius() / params.spacing;
-        let (center, reach) = solid.shape.bounding_ball()?;
-        let at = body.pose().to_world(center);
-        let is_inside = params.source.iter().any(|source| source.shape.signed_distance(at) < -reach);
-        (is_inside && spacings < SUFFICIENT_SPACINGS)
-            .then(|| SubmergedBody { index, spacings: f64::from(spacings) })
-    });
-    submerged.min_by(|a, b| a.spacings.total_cmp(&b.spacings))
 }
 
 /// Resolution of positions above which slow motion stops, in spacings: gravity moves a particle at rest by about 0.003 spacings in a
@@ -112,15 +88,9 @@ impl Liquid {
         }
         liquid.first_energy = liquid.state_energy();
         let viscosities = liquid.params.viscosities();
-        if viscosities.is_empty() {
-            liquid.seeded.submerged_body = submerged_body(&liquid.params, bodies);
-        }
-        let is_held = match viscosities.is_empty() {
-            true => liquid.seeded.submerged_body.is_some(),
-            false => liquid.walls.rigid_bodies() > 0,
-        };
-        liquid.seeded.rows_hold_bodies = is_held && liquid.params.kernel_radius < FREE_KERNEL_RADIUS;
         if !viscosities.is_empty() {
+            liquid.seeded.rows_hold_bodies =
+                liquid.walls.rigid_bodies() > 0 && liquid.params.kernel_radius < FREE_KERNEL_RADIUS;
             let speed = liquid.expected_speed();
             liquid.seeded.viscosity = f64::from(viscosities.into_iter().fold(0.0, f32::max));
             liquid.seeded.speed = speed;
@@ -128,6 +98,9 @@ impl Liquid {
                 * EDDY_DISSIPATION
                 * speed
                 * f64::from(liquid.params.spacing);
+        }
+        if liquid.seeded.viscosity <= liquid.seeded.solver_viscosity {
+            liquid.seeded.submerged_body = submerged_body(&liquid.params, bodies);
         }
         Ok(liquid)
     }
@@ -284,7 +257,7 @@ mod tests {
     use super::*;
     use crate::{
         sim::liquid::{Kernel, LiquidSource},
-        solid::{BodyState, MassProperties, Shape},
+        solid::Shape,
     };
 
     #[test]
@@ -315,36 +288,5 @@ mod tests {
             let seeded = liquid.expect("the source holds particles").seeded;
             assert_eq!(seeded.far_from_origin > 0.0, far, "{at} m: {seeded:?}");
         }
-    }
-
-    #[test]
-    fn the_smallest_body_that_starts_inside_the_liquid_is_listed() {
-        let shape = Shape::Box { min: [0.0; 3], max: [2.0; 3] };
-        let source = LiquidSource { shape, velocity: [0.0; 3], jitter: None, viscosity: None, color: None };
-        let ball = |[radius, z]: [f32; 2]| {
-            let shape = Shape::Sphere { center: [0.0; 3], radius };
-            let state = BodyState {
-                position: Vec3::new(1.0, 1.0, z),
-                rotation: (Vec3::zeros(), 1.0),
-                velocity: Vec3::zeros(),
-                angular_velocity: Vec3::zeros(),
-            };
-            let body = RigidBody::new(MassProperties::new(&shape, 500.0).unwrap(), &state).unwrap();
-            (Solid::fixed(shape), body)
-        };
-        let listed = |balls: &[[f32; 2]], kernel_radius: f32| {
-            let source = vec![source.clone()];
-            let params = LiquidParams { source, kernel_radius, ..LiquidParams::new(0.1) };
-            let (solids, bodies): (Vec<_>, Vec<_>) = balls.iter().map(|&of| ball(of)).unzip();
-            let world = World { gravity: Vec3::zeros(), solids: Vec::new() };
-            let liquid = Liquid::seed(params, &world, (&solids, &bodies), Timeline::default());
-            let seeded = liquid.expect("the source holds particles").seeded;
-            (seeded.submerged_body.map(|body| (body.index, body.spacings.round())), seeded.rows_hold_bodies)
-        };
-        let floating = [0.3, 1.9];
-        let three = [[0.5, 1.0], [0.4, 1.2], floating];
-        assert_eq!(listed(&three, 2.0), (Some((1, 4.0)), true));
-        assert_eq!(listed(&three, 2.5), (Some((1, 4.0)), false));
-        assert_eq!(listed(&[floating], 2.0), (None, false));
     }
 }

@@ -16,7 +16,7 @@ const LARGEST_MOTION: f64 = 0.25;
 /// Length over which the direction of a surface is found, over the inner radius.
 const FACING_STEP: f64 = 0.1;
 
-/// Least cosine between a surface's normal and the direction of a contact across it: one of the faces of a box always has 0.577.
+/// Minimum cosine between a surface's normal and the direction of a contact across it: one of the faces of a box always has 0.577.
 const FACING_COSINE: f32 = 0.5;
 
 /// A shape as an obstacle, with the points of its surface.

@@ -3,7 +3,8 @@
 //! *Method*: contacts of about one normal are a patch. Of its contacts that touch, and of those that are still open, the deepest is kept, and those at the
 //! rim: any distribution of pressure over a flat patch has the sum and the moment of one over its rim. With hundreds of contacts in a patch each sweep
 //! took 15 times as long.
-//! Limits: friction against a turn about the normal acts at the rim, where its arm is longer than under an even pressure.
+//! Limits: friction against a turn about the normal acts at the rim, where its arm is longer than under an even pressure. Some thousand inner
+//! radii from the origin the rounding of gaps divides a flat patch.
 
 use super::contact::Contact;
 use nalgebra::Vector3;
