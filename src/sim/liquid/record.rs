@@ -22,8 +22,7 @@ pub struct LiquidSeeds {
     pub speed: f64,
     /// Whether the rows of resting liquid can hold rigid bodies, as viscosity keeps them and the kernel is narrow; not after a restart.
     pub rows_hold_bodies: bool,
-    /// The smallest of the bodies that start inside liquid, if there are some below 20 spacings of inner radius and viscosity does not slow
-    /// them; none after a restart.
+    /// The smallest of the bodies that start inside liquid and are few spacings thick, if viscosity does not slow them; none after a restart.
     pub submerged_body: Option<SubmergedBody>,
     /// The sources without particles, in order; none after a restart.
     pub empty_sources: Vec<EmptySource>,

@@ -89,9 +89,9 @@ impl Liquid {
         liquid.first_energy = liquid.state_energy();
         let viscosities = liquid.params.viscosities();
         if !viscosities.is_empty() {
+            let speed = liquid.expected_speed();
             liquid.seeded.rows_hold_bodies =
                 liquid.walls.rigid_bodies() > 0 && liquid.params.kernel_radius < FREE_KERNEL_RADIUS;
-            let speed = liquid.expected_speed();
             liquid.seeded.viscosity = f64::from(viscosities.into_iter().fold(0.0, f32::max));
             liquid.seeded.speed = speed;
             liquid.seeded.solver_viscosity = f64::from(liquid.params.density)

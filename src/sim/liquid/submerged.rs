@@ -1,7 +1,8 @@
 //! Bodies that start inside the liquid, and move too slowly in it.
 //!
 //! *Method*: a layer of particles moves along with a solid (docs/decisions/034), which matters to bodies of few spacings.
-//! Limits: what is inside the sources is judged by the corners of the box around a body, and by the ends of a ball along the axes.
+//! Limits: what is inside the sources is judged by the corners of the box around a body, of a mesh that of its distance field, and by the
+//! ends of a ball along the axes.
 
 use super::{LiquidParams, LiquidSource, SubmergedBody};
 use crate::{
@@ -68,7 +69,19 @@ mod tests {
         solid::{BodyState, MassProperties},
     };
 
-    /// A body in water with a spacing of 10 cm, from 0 to 2 m in two sources, which is what it seeds.
+    /// A body at a position, turned by 45 degrees about z.
+    fn turned_body((shape, position): (Shape, [f32; 3])) -> (Solid, RigidBody) {
+        let state = BodyState {
+            position: position.into(),
+            rotation: (Vec3::z() * 0.382_683_43, 0.923_879_5),
+            velocity: Vec3::zeros(),
+            angular_velocity: Vec3::zeros(),
+        };
+        let body = RigidBody::new(MassProperties::new(&shape, 500.0).unwrap(), &state).unwrap();
+        (Solid::fixed(shape), body)
+    }
+
+    /// What is listed of bodies in water with a spacing of 10 cm, from 0 to 2 m in two sources: index, number of others and spacings.
     fn listed(
         bodies: Vec<(Shape, [f32; 3])>,
         kernel_radius: f32,
@@ -85,18 +98,7 @@ mod tests {
             viscosity.map(|dynamic| ImplicitViscosity { dynamic, tolerance: 1e-3, max_iterations: 100 });
         let source = vec![half(0.0, 1.0), half(1.0, 2.0)];
         let params = LiquidParams { source, kernel_radius, viscosity, ..LiquidParams::new(0.1) };
-        let place = |(shape, position): (Shape, [f32; 3])| {
-            let state = BodyState {
-                position: position.into(),
-                // 45 degrees about z.
-                rotation: (Vec3::z() * 0.382_683_43, 0.923_879_5),
-                velocity: Vec3::zeros(),
-                angular_velocity: Vec3::zeros(),
-            };
-            let body = RigidBody::new(MassProperties::new(&shape, 500.0).unwrap(), &state).unwrap();
-            (Solid::fixed(shape), body)
-        };
-        let (solids, bodies): (Vec<_>, Vec<_>) = bodies.into_iter().map(place).unzip();
+        let (solids, bodies): (Vec<_>, Vec<_>) = bodies.into_iter().map(turned_body).unzip();
         let world = World { gravity: Vec3::z() * -9.81, solids: Vec::new() };
         let liquid = Liquid::seed(params, &world, (&solids, &bodies), Timeline::default());
         let found = liquid.expect("the sources hold particles").seeded.submerged_body?;
@@ -134,15 +136,8 @@ mod tests {
         };
         let params = LiquidParams { source: vec![source], ..LiquidParams::new(0.1) };
         for (radius, is_listed) in [(1.9, true), (2.1, false)] {
-            let shape = Shape::Sphere { center: [0.0; 3], radius };
-            let state = BodyState {
-                position: Vec3::repeat(5.0),
-                rotation: (Vec3::zeros(), 1.0),
-                velocity: Vec3::zeros(),
-                angular_velocity: Vec3::zeros(),
-            };
-            let body = RigidBody::new(MassProperties::new(&shape, 500.0).unwrap(), &state).unwrap();
-            let found = submerged_body(&params, (&[Solid::fixed(shape)], &[body]));
+            let (solid, body) = turned_body((Shape::Sphere { center: [0.0; 3], radius }, [5.0; 3]));
+            let found = submerged_body(&params, (&[solid], &[body]));
             assert_eq!(found.is_some(), is_listed, "{radius}");
         }
     }

@@ -25,7 +25,7 @@ const MAX_EMPTY_SOURCES: usize = 4;
 const MAX_THIN_SOLIDS: usize = 4;
 
 /// Smallest radius of a ball whose added mass was measured, in spacings.
-const MIN_BALL: f64 = 3.0;
+const MIN_BALL: f64 = 4.0;
 
 /// Particles that seeding skipped, sources without any, and a viscosity that the spacing cannot show.
 pub(super) fn seeding_warnings(seeds: &LiquidSeeds) -> Vec<String> {
