@@ -63,12 +63,14 @@ fn on_floor(slope: f32, bodies: Vec<BodyParams>) -> Simulation {
 fn rafts_float_at_the_draft_of_archimedes() {
     let cases = [(0.5, 0.02), (0.25, 0.02), (0.8, 0.02), (0.5, 0.0125)];
     for (ratio, spacing) in &cases[..if is_soak() { 4 } else { 1 }] {
-        let (side, depth, [half, high]) = (0.4_f32, 0.24_f32, [0.08_f32, 0.05]);
-        // It starts 2 cm too high.
+        let [half, high] = [0.08_f32, 0.05];
+        let (side, depth, settling) =
+            if is_soak() { (0.4_f32, 0.24_f32, 36) } else { (0.32_f32, 0.2_f32, 12) };
+        // It starts 2 cm too high. Measured in the smaller tank: 0.497.
         let z = depth + high * (1.0 - 2.0 * ratio) + 0.02;
         let body = at(cuboid([half, half, high]), 1000.0 * ratio, [0.5 * side, 0.5 * side, z]);
         let mut simulation = tank(side, depth, *spacing, "kernel_radius = 2.5", vec![body]);
-        advance(&mut simulation, 36);
+        advance(&mut simulation, settling);
         let mut bottom = 0.0;
         for _ in 0..12 {
             advance(&mut simulation, 1);
@@ -88,7 +90,8 @@ fn rafts_float_at_the_draft_of_archimedes() {
 fn a_submerged_ball_rises_with_the_layer_of_liquid_at_it() {
     // By potential flow half of the displaced mass moves along; walls at 3 and 2 radii make that 0.55 at most. Here the layer of
     // particles at the ball moves along, too, and half of what both displace. `LiquidSeeds::submerged_body` reports it.
-    let cases: &[f32] = if is_soak() { &[4.0, 6.0, 10.0] } else { &[4.0] };
+    // Measured at 3 spacings: 1.09 of what is expected.
+    let cases: &[f32] = if is_soak() { &[4.0, 6.0, 10.0] } else { &[3.0] };
     for &spacings in cases {
         let (radius, spacing, ratio) = (0.08, 0.08 / spacings, 0.5_f32);
         let (side, depth) = (6.0 * radius, 8.0 * radius);
@@ -165,11 +168,12 @@ fn momentum_of_liquid_and_bodies_is_conserved() {
 
 #[test]
 fn bodies_of_extreme_density_stay_finite_and_do_what_they_must() {
+    let (side, frames) = if is_soak() { (0.4_f32, 8) } else { (0.28_f32, 6) };
     for (ratio, rises) in [(1e-3, true), (1e6, false)] {
-        let rough = at(cuboid([0.06; 3]), 1000.0 * ratio, [0.2, 0.2, 0.18]);
+        let rough = at(cuboid([0.06; 3]), 1000.0 * ratio, [0.5 * side, 0.5 * side, 0.18]);
         let body = BodyParams { liquid_friction: Some(0.5), ..rough };
-        let mut simulation = tank(0.4, 0.24, 0.02, "", vec![body]);
-        advance(&mut simulation, 8);
+        let mut simulation = tank(side, 0.24, 0.02, "", vec![body]);
+        advance(&mut simulation, frames);
         let (z, v) = (bodies(&simulation, "position")[0].z, bodies(&simulation, "velocity")[0]);
         // The light one is thrown out of the water, and falls again.
         assert!(v.norm() < 3.5, "{ratio}: {v}");
@@ -184,7 +188,7 @@ fn the_state_has_the_same_bits_at_any_number_of_threads_and_after_a_restart() {
             BodyParams { rotation: [20.0, 30.0, 0.0], ..at(cuboid([0.05; 3]), 400.0, [0.2, 0.2, 0.3]) };
         vec![turned, at(Shape::Sphere { center: [0.0; 3], radius: 0.04 }, 900.0, [0.1, 0.12, 0.1])]
     };
-    for terms in ["", "viscosity = { dynamic = 5 }"] {
+    for terms in ["viscosity = { dynamic = 5 }", ""].into_iter().take(if is_soak() { 2 } else { 1 }) {
         let run = || {
             let mut simulation = tank(0.4, 0.2, 0.02, terms, params());
             advance(&mut simulation, 3);

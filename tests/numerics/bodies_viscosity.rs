@@ -108,7 +108,8 @@ fn mass_and_inertia(radius: f64, density: f64) -> [f64; 2] {
 #[test]
 fn a_spinning_ball_drags_the_liquid_around_it() {
     let (radius, outer, rate) = (0.04, 0.09, 2.0_f64);
-    for (viscosity, ratio) in [(10.0, 1.0), (10.0, 5.0), (2.0, 0.2)] {
+    let (cases, frames) = if crate::is_soak() { (3, 6) } else { (2, 4) };
+    for (viscosity, ratio) in [(10.0, 5.0), (2.0, 0.2), (10.0, 1.0)].into_iter().take(cases) {
         let density = 1000.0 * ratio;
         let spinning = BodyParams {
             angular_velocity: [0.0, 0.0, rate.to_degrees() as f32],
@@ -117,7 +118,7 @@ fn a_spinning_ball_drags_the_liquid_around_it() {
         let mut simulation = drop_of(outer as f32, viscosity as f32, vec![spinning]);
         let masses = mass_and_inertia(radius, density);
         let [_, before] = momenta(&simulation, masses);
-        let expected = spin_down([radius, outer], [1000.0, viscosity, ratio], rate, 6);
+        let expected = spin_down([radius, outer], [1000.0, viscosity, ratio], rate, frames);
         for (frame, expected) in expected.into_iter().enumerate() {
             advance(&mut simulation, 1);
             let found = body(&simulation, "angular_velocity").z;
@@ -137,6 +138,7 @@ fn a_spinning_ball_drags_the_liquid_around_it() {
 #[test]
 fn liquid_and_bodies_of_any_mass_exchange_momentum() {
     let radius = 0.04;
+    let frames = if crate::is_soak() { 4 } else { 2 };
     // And the maximum number of iterations of the viscous solve in a frame.
     for (ratio, viscosity, iterations) in
         [(1e-3, 0.0, 0), (1e-3, 10.0, 180), (1.0, 0.1, 20), (1.0, 1000.0, 420), (1e3, 100.0, 220)]
@@ -161,7 +163,7 @@ fn liquid_and_bodies_of_any_mass_exchange_momentum() {
             0.5 * (liquid + masses[0] * of_body + masses[1] * spin)
         };
         let mut last = energy(&simulation);
-        for frame in 0..4 {
+        for frame in 0..frames {
             let record = advance(&mut simulation, 1).liquid.expect("there is a liquid");
             let now = momenta(&simulation, masses);
             // The rounding is that of the liquid, which is up to 4000 times as heavy as the ball.
@@ -188,25 +190,28 @@ fn liquid_and_bodies_of_any_mass_exchange_momentum() {
 /// [haberman58].
 #[test]
 fn a_ball_sinks_in_a_tank_with_the_speed_of_stokes() {
-    let (radius, spacing, side, viscosity, density) = (0.05_f32, 0.0125_f32, 0.3_f32, 30.0_f32, 2000.0_f32);
+    let (radius, side, viscosity, density) = (0.05_f32, 0.3_f32, 30.0_f32, 2000.0_f32);
+    // Spacing, depth, height at the start, and frames.
+    let (spacing, depth, height, frames) =
+        if crate::is_soak() { (0.0125_f32, 0.4, 0.28, 6) } else { (0.3_f32 / 21.0, 0.3, 0.2, 4) };
     let text = format!(
         "spacing = {spacing}\nkernel_radius = 2.5\nviscosity = {{ dynamic = {viscosity:?} }}\n\
-         [[source]]\nshape = {{ box = {{ min = [0, 0, 0], max = [{side}, {side}, 0.4] }} }}"
+         [[source]]\nshape = {{ box = {{ min = [0, 0, 0], max = [{side}, {side}, {depth}] }} }}"
     );
     let liquid: LiquidParams = toml::from_str(&text).unwrap_or_else(|error| panic!("{error}"));
     let walls = Shape::Tank { min: [0.0; 3], max: [side, side, 1.0] };
     let world = World { gravity: Vec3::new(0.0, 0.0, -9.81), solids: vec![Solid::fixed(walls)] };
-    let sinking = BodyParams { position: [side / 2.0, side / 2.0, 0.28], ..ball(radius, density) };
+    let sinking = BodyParams { position: [side / 2.0, side / 2.0, height], ..ball(radius, density) };
     let systems = Systems { liquid: Some(liquid), bodies: vec![sinking], ..Systems::default() };
     let mut simulation = Simulation::new(world, systems).expect("it starts");
     let free = f64::from(2.0 / 9.0 * (density - 1000.0) * 9.81 * radius * radius / viscosity);
     advance(&mut simulation, 2);
-    for frame in 2..6 {
+    for frame in 2..frames {
         advance(&mut simulation, 1);
         let v = body(&simulation, "velocity");
         let ratio = -v.z / free;
         println!("{frame}: {v:?}, {ratio} of {free} m/s");
-        // 0.371 and 0.430.
+        // 0.371 and 0.430. Measured with 3.5 spacings in the radius: 0.362 and 0.364.
         assert!((0.34..0.43).contains(&ratio) && v.xy().norm() < 0.01 * free, "{frame}: {v:?}, {ratio}");
     }
 }

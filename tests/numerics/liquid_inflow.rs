@@ -122,7 +122,8 @@ fn the_emitted_volume_is_that_of_the_rate_for_any_time_step() {
 
 #[test]
 fn the_density_at_the_nozzle_is_that_at_rest() {
-    for (fps, substeps, speed) in [(24.0, 8, 1.0), (24.0, 30, 0.7), (10.0, 5, 2.5)] {
+    let cases = [(24.0, 8, 1.0), (10.0, 5, 2.5), (24.0, 30, 0.7)];
+    for (fps, substeps, speed) in cases.into_iter().take(if crate::is_soak() { 3 } else { 2 }) {
         // A free jet, and one that enters from a wall into a tank of liquid.
         let text = format!("min_substeps = {substeps}\n[[emitter]]\n{DISC}\nvelocity = [{speed}, 0, 0]");
         let mut free = Run::new(&text, fps, world(0.0, vec![]));
@@ -255,10 +256,14 @@ fn frames_have_the_same_bits_after_a_restart_and_on_any_number_of_threads() {
         })
     };
     let (frames, last) = whole(1);
-    for threads in [2, 3] {
+    for &threads in crate::thread_counts() {
         assert!(whole(threads) == (frames.clone(), last.clone()), "{threads} threads");
     }
     for (start, frame) in [3, 5, 7].into_iter().zip(&frames) {
+        // In frame 5 the second emitter is off.
+        if start != 5 && !crate::is_soak() {
+            continue;
+        }
         let simulation = Simulation::restore(floor(), systems(&text, 24.0), frame).unwrap();
         let mut run = Run { simulation, fps: 24.0, records: Vec::new() };
         run.to(11 - start + 1);

@@ -181,15 +181,17 @@ fn under_a_lid(depth: f64, speed: f64) -> World {
 #[test]
 fn the_shear_stress_of_two_layers_is_continuous() {
     // Steady Couette flow: the rates of shear are as 1/μ, so that the interface moves with μ₁/(μ₀ + μ₁) of the lid.
+    // Measured after 12 frames: errors of at most 0.016.
     let (depth, speed) = (0.2, 0.5);
-    for [below, above] in [[80.0, 20.0], [20.0, 80.0], [400.0, 20.0]] {
+    let (cases, frames) = if crate::is_soak() { (3, 16) } else { (2, 12) };
+    for [below, above] in [[20.0, 80.0], [400.0, 20.0], [80.0, 20.0]].into_iter().take(cases) {
         let keys = |viscosity: f64| format!("viscosity = {viscosity}");
         let layers = [
             ([0.0; 3], [0.8, 0.24, 0.5 * depth], keys(below)),
             ([0.0, 0.0, 0.5 * depth], [0.8, 0.24, depth], keys(above)),
         ];
         let mut simulation = boxes(under_a_lid(depth, speed), "viscosity.dynamic = 1", &layers);
-        advance(&mut simulation, 16);
+        advance(&mut simulation, frames);
         let interface = above / (below + above);
         let exact = |z: f64| match 2.0 * z / depth {
             part if part < 1.0 => interface * part,
@@ -297,16 +299,17 @@ fn viscous_frames_have_the_same_bits_on_any_number_of_threads_and_after_a_restar
                 [[source]]\nshape = { box = { min = [0, 0, 0], max = [0.2, 0.4, 0.2] } }\n\
                 [[source]]\nviscosity = 80\nshape = { box = { min = [0.2, 0, 0], max = [0.4, 0.4, 0.2] } }";
     let params: LiquidParams = toml::from_str(text).unwrap();
+    let frames = if crate::is_soak() { 2 } else { 1 };
     let run = || {
         let mut simulation = Simulation::new(world.clone(), Some(params.clone())).unwrap();
-        advance(&mut simulation, 2);
+        advance(&mut simulation, frames);
         let middle = state(&simulation);
-        advance(&mut simulation, 2);
+        advance(&mut simulation, frames);
         (middle, state(&simulation))
     };
     let (middle, end) = par::with_threads(1, run);
     assert!(par::with_threads(3, run) == (middle.clone(), end.clone()));
     let mut resumed = Simulation::restore(world, Some(params), &middle).expect("the frame has a state");
-    advance(&mut resumed, 2);
+    advance(&mut resumed, frames);
     assert!(state(&resumed) == end);
 }

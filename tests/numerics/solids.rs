@@ -159,7 +159,8 @@ fn a_paddle_stirs_a_pool_at_rest_with_the_work_it_does() {
     let solids = vec![tank([1.0, 1.0, 1.0]), moving(paddle, spin)];
     let mut simulation = simulation(world(solids), water(0.05, [0.0; 3], [1.0, 1.0, 0.3], "xsph = {}"));
     let start = 300.0 * 9.81 * 0.15;
-    let records = advance(&mut simulation, 24);
+    // After half a turn: 79 J of 172 J, and 0.09 m²/s.
+    let records = advance(&mut simulation, if crate::is_soak() { 24 } else { 12 });
     let work: f64 = records.iter().map(|record| record.solid_work).sum();
     let last = records.last().unwrap();
     println!("work {work:.1} J, kinetic {:.1} J", last.kinetic_energy);
@@ -175,7 +176,9 @@ fn a_paddle_stirs_a_pool_at_rest_with_the_work_it_does() {
     let frame = state(&simulation);
     let (x, v) = (frame.streams[0].vec3("position").unwrap(), frame.streams[0].vec3("velocity").unwrap());
     let turning = |(x, v): (&Vec3, &Vec3)| (x.x - 0.5) * v.y - (x.y - 0.5) * v.x;
-    assert!(x.iter().zip(v).map(turning).sum::<f32>() / x.len() as f32 > 0.05);
+    let turning = x.iter().zip(v).map(turning).sum::<f32>() / x.len() as f32;
+    println!("turning {turning:.4} m²/s");
+    assert!(turning > 0.05, "{turning} m²/s");
 }
 
 #[test]

@@ -32,7 +32,7 @@ fn mass(radius: f64, density: f64) -> f64 {
 fn all_three_exchange_momentum() {
     let falling = block([-0.15, -0.15, 0.05], [0.15, 0.15, 0.2], [0.0, 0.0, -1.0]);
     let cloth = "density = 2\nstiffness = [400, 400]\nshear = 80\nspring_damping = [0.01, 0.01]";
-    for density in [100.0, 1000.0, 8000.0] {
+    for density in [100.0, 8000.0, 1000.0].into_iter().take(if crate::is_soak() { 3 } else { 2 }) {
         // One comes from below, against the liquid on the other side, and one is thrown into the liquid.
         let bodies = vec![
             ball(0.08, density, [0.03, 0.02, -0.1], [0.1, 0.0, 1.0]),
