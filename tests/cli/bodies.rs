@@ -104,7 +104,7 @@ fn a_body_falls_into_a_cloth_and_the_shot_reports_and_resumes_it() {
         "{info}"
     );
     assert!(info["bodies"]["max_speed"].as_f64() > Some(1.0), "{info}");
-    let (text, _) = desk.run("plan balls-in-cloth --quality draft --frames 1-3", 0);
+    let (text, _) = desk.run(&format!("plan {names} --frames 1-3"), 0);
     assert!(text.contains("coupling_bodies"), "{text}");
 }
 

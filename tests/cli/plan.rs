@@ -102,7 +102,7 @@ fn the_bound_counts_the_samples_of_meshes() {
     let bound: f64 = words.trim_end_matches(" MiB").parse().unwrap();
     // Its simulation without tension takes 45 MiB, most of it before there is a particle; without the mesh it would be 15.
     assert!((45.0..110.0).contains(&bound), "{text}");
-    let (text, _) = Desk::new().run("simulate figure-bath --quality draft --dry-run", 0);
+    let (text, _) = Desk::new().run("simulate dam-break --quality draft --dry-run", 0);
     assert!(text.contains("at most about") && !text.contains("mesh"), "{text}");
 }
 

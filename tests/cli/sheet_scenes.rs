@@ -17,8 +17,13 @@ struct Cloth {
 }
 
 fn scene(name: &'static str) -> Scene {
+    scene_with(name, "")
+}
+
+/// With other settings than those of the draft.
+fn scene_with(name: &'static str, set: &str) -> Scene {
     let desk = Desk::new();
-    desk.run(&format!("shot {name} --quality draft -o {name}"), 0);
+    desk.run(&format!("shot {name} --quality draft {set} -o {name}"), 0);
     let text = fs::read_to_string(desk.path(name).join("log.jsonl")).unwrap();
     let log: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert_eq!(log.len(), 23, "{name}");
@@ -142,19 +147,23 @@ fn a_soft_sheet_stretches_at_its_pins_and_swings_back() {
 /// Figure 9: the cloth lies on the ellipsoid and hangs down around it.
 #[test]
 fn the_cloth_lies_on_the_ellipsoid() {
-    let scene = scene("cloth-over-ellipsoid");
+    let coarse = if super::is_soak() { "" } else { "--set sheet.0.shape.grid.cells=[48,48]" };
+    let scene = scene_with("cloth-over-ellipsoid", coarse);
     let (cloth, solid) =
         (scene.cloth("cloth"), Shape::Ellipsoid { center: [0.0; 3], radii: [0.5, 0.3, 0.3] });
     let top = cloth.heights(cloth.middle());
     // Repulsion supports loose cloth at 4 mm ln(125/1.96) = 17 mm, and cloth under tension closer.
     assert!(top[6..].iter().all(|z| (0.3..0.317).contains(z)), "{top:?}");
     let near = cloth.distances(23, &solid);
-    println!("{} {} {}", near[0], near[1000], top[23]);
-    assert!(near[0] >= 0.0 && near[1000] < 0.02, "{} {}", near[0], near[1000]);
+    // That of 1000 of 4225 points, or as large a part; measured with 48 cells: 18.4 mm.
+    let resting = near[near.len() * 40 / 169];
+    println!("{} {resting} {}", near[0], top[23]);
+    assert!(near[0] >= 0.0 && resting < 0.02, "{} {resting}", near[0]);
     // All points above the middle of the ellipsoid lie on it.
     let over =
         cloth.frames[23].iter().filter(|x| (x.x / 0.5).powi(2) + (x.y / 0.3).powi(2) < 0.5 && x.z > 0.0);
     let highest = over.map(|x| solid.signed_distance(*x)).fold(0.0, f32::max);
+    println!("{highest}");
     assert!(highest < 0.04, "{highest}");
     assert!(cloth.corners().iter().all(|&i| cloth.frames[23][i].z < -0.2), "the corners hang");
     assert!(cloth.stays_in_the_middle());

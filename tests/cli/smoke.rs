@@ -169,9 +169,10 @@ fn a_shot_that_is_resumed_or_run_on_other_threads_has_the_same_bytes() {
     let desk = desk();
     for preset in ["spin", "plume"].into_iter().take(if super::is_soak() { 2 } else { 1 }) {
         let (whole, parts) = (format!("{preset}-whole"), format!("{preset}-parts"));
-        desk.run(&format!("shot {preset}.toml -o {whole} --threads 1"), 0);
+        let frames = if super::is_soak() { "1-7" } else { "1-5" };
+        desk.run(&format!("shot {preset}.toml -o {whole} --frames {frames} --threads 1"), 0);
         desk.run(&format!("simulate {preset}.toml -o {parts} --frames 1-3 --threads 3"), 0);
-        desk.run(&format!("shot {preset}.toml -o {parts} --threads 2"), 0);
+        desk.run(&format!("shot {preset}.toml -o {parts} --frames {frames} --threads 2"), 0);
         // A retimed frame depends on its neighbours alone.
         let slow = "--retime 2 --frames 1-4";
         desk.run(&format!("volume {whole} -o {whole}-slow {slow} --threads 1"), 0);
