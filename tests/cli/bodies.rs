@@ -80,6 +80,10 @@ fn bodies_without_liquid_fall_and_collide() {
     assert!((height - 0.2).abs() < 0.005, "it lies on the floor at {height}");
     let (log, _) = desk.run("info alone", 0);
     assert!(log.contains("bodies     1"), "{log}");
+    // Its pictures show the fall.
+    desk.run("preview alone --frames 1,24 --size 96x54", 0);
+    let picture = |frame: u32| fs::read(desk.path(format!("alone/preview/frame_{frame:04}.png"))).unwrap();
+    assert!(picture(1) != picture(24));
 }
 
 #[test]

@@ -103,12 +103,15 @@ impl Props {
             };
             found.push(surface);
         }
-        let shown = self.bodies.iter().zip(poses).filter(|((_, look), _)| *look != Look::Hidden);
-        for ((surface, _), pose) in shown {
-            found.push(bounds_of(surface.positions.iter().map(|&x| pose.to_world(x))));
-        }
+        found.extend(self.body_boxes(poses));
         found.retain(Bounds::exists);
         found
+    }
+
+    /// Boxes of the bodies in these poses, but for those that are hidden.
+    pub(super) fn body_boxes<'a>(&'a self, poses: &'a [Pose]) -> impl Iterator<Item = Bounds> + 'a {
+        let shown = self.bodies.iter().zip(poses).filter(|((_, look), _)| *look != Look::Hidden);
+        shown.map(|((surface, _), pose)| bounds_of(surface.positions.iter().map(|&x| pose.to_world(x))))
     }
 
     /// Boxes of the tanks at the start.

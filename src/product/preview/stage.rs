@@ -54,8 +54,10 @@ pub(super) struct Stage {
 
 /// What the frames that were looked at have.
 struct Found {
-    /// What moves.
+    /// Points that move.
     moving: Bounds,
+    /// Rigid bodies.
+    bodies: Bounds,
     /// The boxes of solids, by their number.
     solids: Vec<Bounds>,
     speed: f32,
@@ -77,13 +79,15 @@ impl Stage {
         let props = scene.map(Props::new).transpose()?.unwrap_or_default();
         let paths: Vec<&Path> = frames.iter().filter_map(|(_, path)| path.as_deref()).collect();
         let found = look_at(&props, &paths, max_memory)?;
-        let Found { moving, solids, speed, kinds } = found;
+        let Found { moving, bodies, solids, speed, kinds } = found;
+        // Bodies that fly off do not widen a picture of what they leave behind.
+        let moving = if moving.exists() { moving } else { bodies };
         let size = moving.size();
         let near = |solid: &&Bounds| !moving.exists() || solid.size() <= MAX_COLLIDER_SIZE * size;
         let bounds = solids.iter().filter(near).fold(moving, |all, solid| all.union(solid));
         if !bounds.exists() {
             return Err(RunError::Request(
-                "found nothing to show in the frames that were looked at, expected particles, points of smoke or sheets within 10⁹ m; \
+                "found nothing to show in the frames that were looked at, expected particles, points of smoke, sheets or rigid bodies within 10⁹ m; \
                  `meniscus info` lists what is in the frames"
                     .into(),
             ));
@@ -126,7 +130,8 @@ fn view(given: Option<Camera>, bounds: &Bounds, aspect: f64) -> Result<Viewpoint
 
 /// Looks at frames from the first to the last, at equal distances.
 fn look_at(props: &Props, paths: &[&Path], max_memory: Option<u64>) -> Result<Found, RunError> {
-    let mut found = Found { moving: Bounds::empty(), solids: Vec::new(), speed: 0.0, kinds: Vec::new() };
+    let (moving, bodies) = (Bounds::empty(), Bounds::empty());
+    let mut found = Found { moving, bodies, solids: Vec::new(), speed: 0.0, kinds: Vec::new() };
     let mut unread = None;
     let mut read = 0;
     for place in evenly(paths.len(), LOOKED_AT_FRAMES) {
@@ -158,6 +163,7 @@ impl Found {
             }
         }
         let poses = body_poses(&frame.streams);
+        self.bodies = props.body_boxes(&poses).fold(self.bodies, |all, own| all.union(&own));
         let boxes = props.boxes(frame.time, &poses);
         self.solids.resize(self.solids.len().max(boxes.len()), Bounds::empty());
         for (all, own) in self.solids.iter_mut().zip(boxes) {

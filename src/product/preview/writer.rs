@@ -78,11 +78,12 @@ impl Product for Preview {
     }
 
     fn input(&self) -> &'static str {
-        "particles, sheets or smoke"
+        "particles, sheets, smoke or rigid bodies"
     }
 
     fn accepts(&self, kind: StreamKind) -> bool {
-        matches!(kind, StreamKind::Particles | StreamKind::Tracers | StreamKind::MeshPoints)
+        use StreamKind::{MeshPoints, Particles, RigidBodies, Tracers};
+        matches!(kind, Particles | Tracers | MeshPoints | RigidBodies)
     }
 
     fn is_requested(&self, settings: &ProductSettings) -> bool {

@@ -6,7 +6,7 @@
 The interpreter needs bpy (4.5 to 5.2) and numpy. The zip is built, and every stage of stages.py and hostile.py runs in a Blender
 process of its own with user folders made for the test; the shot is copied first, the given folder is not
 touched. The last line is `N passed, N failed`; the exit code is 1 if anything failed. Without SHOT_DIR a
-synthetic shot stands in for it, and the longest tests of scenes are shorter; without VOLUMES_DIR, a folder of `meniscus volume`, no volume is opened; without SMOKE_DIR, a shot of `smoke-ring`,
+synthetic shot stands in for it, and the longest tests are shorter or left out (SHORT); without VOLUMES_DIR, a folder of `meniscus volume`, no volume is opened; without SMOKE_DIR, a shot of `smoke-ring`,
 no smoke is imported; without PLUME_DIR, a shot of `plume`, none whose first frame is empty. Scenes become shots with the engine that
 MENISCUS in the environment names, else the `meniscus` on the PATH; without either, that is left out.
 """
@@ -36,8 +36,9 @@ SCENES = {
     "jobs.py": ["jobs", "closed", "engine"],
     "results.py": ["bodies", "cloth", "arrivals", "panels"],
 }
-# What runs in their place on a synthetic shot, as in a second version of Blender: to save time.
-SHORT = {"first.py": ["few"], "results.py": ["bodies", "cloth", "panels"]}
+# What runs in their place on a synthetic shot, as in a second version of Blender: to save time. Processes of the engine and their logs depend
+# on the version of Python alone.
+SHORT = {"first.py": ["few"], "results.py": ["bodies", "cloth", "panels"], "jobs.py": ["engine"], "logs.py": []}
 sys.path[:0] = [str(HERE), str(TOOL)]
 
 import build  # noqa: E402
