@@ -25,6 +25,8 @@ const CELLS: f32 = 48.0;
 /// Mass, centre of mass and inertia of a solid of uniform density, in its own axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct MassProperties {
+    /// Density [kg/m³].
+    pub(crate) density: f64,
     /// Mass [kg].
     pub(crate) mass: f64,
     /// Centre of mass [m].
@@ -61,7 +63,7 @@ impl MassProperties {
         let own = Matrix3::from_diagonal(&cell.component_mul(&cell)) / 12.0;
         let moments = second / inside - center * center.transpose() + own;
         let inertia = (Matrix3::identity() * moments.trace() - moments) * mass;
-        Some(Self { mass, center: center + middle.cast(), inertia })
+        Some(Self { density, mass, center: center + middle.cast(), inertia })
     }
 }
 
@@ -235,6 +237,11 @@ impl RigidBody {
         let part = f64::from(part);
         let rotation = turned(&self.start.1, self.angular_velocity() * (self.dt * part));
         pose(&self.properties, &(self.start.0 + self.velocity * (self.dt * part)), &rotation)
+    }
+
+    /// Density [kg/m³].
+    pub(crate) fn density(&self) -> f64 {
+        self.properties.density
     }
 
     /// Mass [kg].

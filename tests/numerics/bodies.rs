@@ -87,11 +87,10 @@ fn rafts_float_at_the_draft_of_archimedes() {
 }
 
 #[test]
-fn a_submerged_ball_rises_with_the_layer_of_liquid_at_it() {
-    // By potential flow half of the displaced mass moves along; walls at 3 and 2 radii make that 0.55 at most. Here the layer of
-    // particles at the ball moves along, too, and half of what both displace. `LiquidSeeds::submerged_body` reports it.
-    // Measured at 3 spacings: 1.09 of what is expected.
-    let cases: &[f32] = if is_soak() { &[4.0, 6.0, 10.0] } else { &[3.0] };
+fn a_submerged_ball_rises_with_the_added_mass_of_potential_flow() {
+    // Half of the displaced mass moves along; walls at 3 and 2 radii make that 0.55 at most, and drag slows the ball by 3 %. If the layer of
+    // particles at the ball moved along, the rise would be 0.4 of this at 4 spacings (docs/decisions/048).
+    let cases: &[f32] = if is_soak() { &[4.0, 6.0, 10.0] } else { &[4.0] };
     for &spacings in cases {
         let (radius, spacing, ratio) = (0.08, 0.08 / spacings, 0.5_f32);
         let (side, depth) = (6.0 * radius, 8.0 * radius);
@@ -100,14 +99,13 @@ fn a_submerged_ball_rises_with_the_layer_of_liquid_at_it() {
         let mut simulation = tank(side, depth, spacing, "kernel_radius = 2.5", vec![body]);
         advance(&mut simulation, 4);
         let rise = bodies(&simulation, "position")[0].z - 2.0 * radius;
-        let added = 1.5 * (1.0 + 1.0 / spacings).powi(3) - 1.0;
         let time = 4.0 * FRAME as f32;
-        let expected = 0.5 * G * (1.0 - ratio) / (ratio + added) * time * time;
-        println!(
-            "{spacings} spacings: {rise} m, expected {expected}, in theory {}",
-            expected * (ratio + added) / (ratio + 0.5)
+        let expected = 0.5 * G * (1.0 - ratio) / (ratio + 0.5) * time * time;
+        println!("{spacings} spacings: {rise} m, expected {expected}");
+        assert!(
+            (0.7..1.15).contains(&(rise / expected)),
+            "{spacings} spacings: {rise} m, expected {expected}"
         );
-        assert!((rise / expected - 1.0).abs() < 0.2, "{spacings} spacings: {rise} m, expected {expected}");
     }
 }
 

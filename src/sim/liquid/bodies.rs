@@ -14,7 +14,7 @@ impl Liquid {
     pub(super) fn ensure_lists(&mut self, record: &LiquidRecord) -> Result<(), Diverged> {
         let setup = setup(&self.params, &self.rest, &self.walls);
         self.solver.ensure_lists(&setup).map_err(|cell| self.overcrowded(record.substeps, cell))?;
-        self.solver.sample_rigid_pairs(&self.walls);
+        self.solver.sample_rigid_pairs(&setup);
         Ok(())
     }
 

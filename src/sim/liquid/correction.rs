@@ -51,7 +51,7 @@ impl NeighbourPass for CorrectionPass<'_> {
         let blocks = self.p.chunks_mut(LANES).zip(self.built_at.chunks(LANES)).enumerate();
         for (block, (p, built_at)) in blocks {
             let first = self.at.start + block * LANES;
-            let deltas = corrections::<L, P>(&self.at, first, p);
+            let [deltas, by_bodies] = corrections::<L, P>(&self.at, first, p);
             for (k, (x, built_at)) in p.iter_mut().zip(built_at).enumerate() {
                 let i = first + k;
                 let (delta, short) = limit(deltas[k], setup.rest.spacing);
@@ -76,7 +76,7 @@ impl NeighbourPass for CorrectionPass<'_> {
                     total.work += setup.walls.pressure_work(*x, self.at.nodes[i].value());
                 }
                 if let Some(push) = self.wall_push.get_mut(block * LANES + k) {
-                    *push += self.at.boundary_density(i, *x).1 * self.at.nodes[i].value();
+                    *push += self.at.boundary_density(i, *x).1 * self.at.nodes[i].value() + by_bodies[k];
                 }
                 *x = moved;
                 total.farthest2 = total.farthest2.max(displacement2);
@@ -87,9 +87,9 @@ impl NeighbourPass for CorrectionPass<'_> {
     }
 }
 
-/// Δp of up to eight particles with consecutive indices from `first`, whose positions are `p`.
+/// Δp of up to eight particles with consecutive indices from `first`, whose positions are `p`, and the parts of it that rigid bodies take up.
 #[inline(always)]
-fn corrections<L: Lanes, P: Pair>(at: &Chunk<'_>, first: usize, p: &[Vec3]) -> [Vec3; LANES] {
+fn corrections<L: Lanes, P: Pair>(at: &Chunk<'_>, first: usize, p: &[Vec3]) -> [[Vec3; LANES]; 2] {
     let zero = L::splat(0.0);
     let (mut delta, mut coincident) = ([[zero; LANES]; 3], [zero; LANES]);
     let mut padded = [0.0; LANES];
@@ -112,7 +112,7 @@ fn corrections<L: Lanes, P: Pair>(at: &Chunk<'_>, first: usize, p: &[Vec3]) -> [
     let [x, y, z] = [L::sums(&delta[0]), L::sums(&delta[1]), L::sums(&delta[2])];
     let coincident = L::sums(&coincident);
     let scale = at.setup.rest.gradient_scale;
-    let mut deltas = [Vec3::zeros(); LANES];
+    let [mut deltas, mut by_bodies] = [[Vec3::zeros(); LANES]; 2];
     for k in 0..p.len() {
         let i = first + k;
         let mut sum = -Vec3::new(x[k], y[k], z[k]);
@@ -124,8 +124,11 @@ fn corrections<L: Lanes, P: Pair>(at: &Chunk<'_>, first: usize, p: &[Vec3]) -> [
         if lambda != 0.0 {
             deltas[k] += at.boundary_density(i, p[k]).1 * lambda;
         }
+        let images = at.image_push(i);
+        deltas[k] += images.by_neighbours + images.by_body;
+        by_bodies[k] = images.by_body;
     }
-    deltas
+    [deltas, by_bodies]
 }
 
 /// Contribution of coincident neighbours to the sum of [`corrections`].

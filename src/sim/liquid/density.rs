@@ -9,10 +9,10 @@
 
 use super::{
     Constraint,
+    images::{BodySamples, ImageDensity, ImagePush},
     lanes::{self, Node},
     pair::Pair,
     pass::NeighbourPass,
-    rigid::DensitySamples,
     setup::SolverSetup,
 };
 use crate::{
@@ -157,21 +157,45 @@ pub(super) struct Chunk<'a> {
     pub(super) lists: &'a Neighbours,
     /// Distances to the nearest solid when the lists were built [m].
     pub(super) clearance: &'a [f32],
-    /// Densities of solids that are known.
-    pub(super) samples: DensitySamples<'a>,
+    /// What the particles near rigid bodies see of them.
+    pub(super) samples: BodySamples<'a>,
     /// Index of the first particle of the chunk.
     pub(super) start: usize,
 }
 
 impl Chunk<'_> {
-    /// Density contributed by the solids at `x` and its gradient; skipped where `clearance` excludes it.
+    /// Density of the solids at `x` and its gradient, without that of rigid bodies where these have images; skipped where `clearance`
+    /// excludes it.
     #[inline(always)]
     pub(super) fn boundary_density(&self, i: usize, x: Vec3) -> (f32, Vec3) {
         if self.clearance[i] > self.setup.boundary_reach() {
             (0.0, Vec3::zeros())
         } else {
-            self.samples.get(i, x).unwrap_or_else(|| self.setup.walls.boundary_density(x))
+            self.samples.of_colliders(i).unwrap_or_else(|| self.setup.walls.boundary_density(x))
         }
+    }
+
+    /// Density of the images at particle `i`.
+    #[inline]
+    pub(super) fn image_density(&self, i: usize) -> ImageDensity {
+        let mut sum = ImageDensity::default();
+        for pair in self.samples.of(i) {
+            sum.density += pair.image.density;
+            sum.gradient += pair.image.gradient;
+            sum.others2 += pair.image.others2;
+        }
+        sum
+    }
+
+    /// Displacement of particle `i` by its images.
+    #[inline]
+    pub(super) fn image_push(&self, i: usize) -> ImagePush {
+        let mut sum = ImagePush::default();
+        for pair in self.samples.of(i) {
+            sum.by_neighbours += pair.push.by_neighbours;
+            sum.by_body += pair.push.by_body;
+        }
+        sum
     }
 }
 
@@ -329,9 +353,13 @@ fn densities<L: Lanes, P: Pair, const GRADIENTS: bool>(
         deficit: [0.0; LANES],
         tensile_part: [0.0; LANES],
     };
-    let mut boundary = [(0.0, Vec3::zeros()); LANES];
+    let (mut boundary, mut of_images2) = ([(0.0, Vec3::zeros()); LANES], [0.0; LANES]);
     for k in 0..count {
+        let images = at.image_density(first + k);
         boundary[k] = at.boundary_density(first + k, at.nodes[first + k].vector() * rest.support);
+        boundary[k].0 += images.density;
+        boundary[k].1 += images.gradient;
+        of_images2[k] = images.others2;
         out.ratio[k] = rest.density_scale * (sums[k] + itself[k]) + boundary[k].0; // ρ_i/ρ₀, [pbf] Eq. 2
     }
     if GRADIENTS {
@@ -340,7 +368,8 @@ fn densities<L: Lanes, P: Pair, const GRADIENTS: bool>(
         let g = rest.gradient_scale;
         for k in 0..count {
             let own_gradient = Vec3::new(x[k], y[k], z[k]) * -g + boundary[k].1; // [pbf] Eq. 8, k = i
-            let all = own_gradient.norm_squared() + g * g * gradient2[k]; // Σ_k |∇_k C_i|²
+            let others2 = g * g * gradient2[k] + of_images2[k];
+            let all = own_gradient.norm_squared() + others2; // Σ_k |∇_k C_i|²
             out.denominator[k] = setup.denominator(all);
             out.deficit[k] = surface_deficit(setup, own_gradient.norm_squared(), boundary[k].0);
             out.tensile_part[k] = (1.0 - (out.deficit[k] + boundary[k].0) * rest.inv_tension_free).max(0.0);

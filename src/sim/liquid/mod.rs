@@ -32,6 +32,7 @@ mod flow;
 mod force_field;
 mod forced;
 mod forces;
+mod images;
 pub(in crate::sim) mod inflow;
 mod jacobi;
 mod jitter;

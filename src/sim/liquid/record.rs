@@ -52,8 +52,6 @@ pub struct SubmergedBody {
     pub others: u32,
     /// Inner radius over the spacing.
     pub spacings: f64,
-    /// Whether the kernel is so narrow that liquid at rest holds bodies back.
-    pub is_kernel_narrow: bool,
 }
 
 /// The nozzle of an emitter at the start of a shot.

@@ -34,6 +34,7 @@ impl Liquid {
         let setup = setup(&self.params, &self.rest, &self.walls);
         for _ in 0..if self.params.has_jitter() { MAX_JITTER_ITERATIONS } else { MAX_ITERATIONS } {
             self.solver.ensure_lists(&setup).map_err(|cell| self.overcrowded(1, cell))?;
+            self.solver.sample_rigid_pairs(&setup);
             if watch.is_cancelled() {
                 return Err(Stop::Interrupted);
             }
@@ -47,6 +48,7 @@ impl Liquid {
             clock.time("solve", || self.solver.correct(&setup));
             record.iterations += 1;
         }
+        self.solver.rigid.discard_samples();
         std::mem::swap(&mut self.x, &mut self.solver.p);
         Ok(())
     }

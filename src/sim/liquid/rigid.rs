@@ -14,8 +14,9 @@
 //! Limits: the particles at two bodies at once are solved for each of them separately.
 
 use super::{
+    images::{BodySamples, Pair},
     rigid_system::{Lever, dot, lever, yield_to},
-    walls::{ROUNDING, RigidDensity, Walls},
+    walls::{ROUNDING, Walls},
 };
 use crate::{
     math::Vec3,
@@ -23,9 +24,6 @@ use crate::{
     solid::{BodySurface, Pose, RigidBody},
 };
 use nalgebra::Vector3;
-
-/// Mark of a particle that is not near a body.
-pub(super) const NO_PAIR: u32 = u32::MAX;
 
 /// Rigid bodies that share the liquid's substeps.
 pub(in crate::sim) trait CoupledBodies {
@@ -57,18 +55,6 @@ pub(in crate::sim) trait CoupledBodies {
     fn end_substep(&mut self);
 }
 
-/// A particle near a rigid body.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Pair {
-    pub(super) particle: u32,
-    pub(super) body: u32,
-    /// Position [m], and density of the solids there, in this iteration.
-    pub(super) x: Vec3,
-    pub(super) solids: RigidDensity,
-    /// What the body yields along that gradient.
-    pub(super) gives: f32,
-}
-
 /// A particle that a rigid body projected out of itself.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RigidContact {
@@ -82,23 +68,6 @@ pub(super) struct RigidContact {
     pub(super) push: Vec3,
 }
 
-/// Densities of solids at the particles near rigid bodies.
-#[derive(Clone, Copy)]
-pub(super) struct DensitySamples<'a> {
-    first_pair: &'a [u32],
-    pairs: &'a [Pair],
-}
-
-impl DensitySamples<'_> {
-    /// Density and its gradient [1/m] at particle `i`, which is at `x`, if it is near a rigid body.
-    #[inline(always)]
-    pub(super) fn get(&self, i: usize, x: Vec3) -> Option<(f32, Vec3)> {
-        let &first = self.first_pair.get(i)?;
-        let pair = self.pairs.get(first as usize)?;
-        (pair.x == x).then_some((pair.solids.density, pair.solids.gradient))
-    }
-}
-
 /// What the solver keeps of the rigid bodies in a substep.
 #[derive(Debug, Default)]
 pub(super) struct RigidSide {
@@ -106,7 +75,7 @@ pub(super) struct RigidSide {
     pub(super) pairs: Vec<Pair>,
     /// Index of the first pair of each particle, or [`NO_PAIR`]; empty without bodies.
     pub(super) first_pair: Vec<u32>,
-    /// Whether the pairs have the densities at the current positions and poses.
+    /// Whether the pairs have the surfaces at the current positions and poses.
     pub(super) is_sampled: bool,
     /// Whether a body has moved farther than its skin since [`Self::pairs`] were found.
     pub(super) stale: bool,
@@ -168,15 +137,15 @@ impl RigidSide {
         self.projection.fill(Vec3::zeros());
     }
 
-    /// Ends the validity of the sampled densities, because particles or bodies move.
+    /// Ends the validity of what is sampled, because particles or bodies move.
     pub(super) fn discard_samples(&mut self) {
         self.is_sampled = false;
     }
 
-    /// The densities of solids at particles near bodies, as far as they are sampled, and the projections of the correction.
-    pub(super) fn samples_and_projection(&mut self) -> (DensitySamples<'_>, &mut Vec<Vec3>) {
+    /// What the particles near bodies see of them, as far as it is sampled, and the projections of the correction.
+    pub(super) fn samples_and_projection(&mut self) -> (BodySamples<'_>, &mut Vec<Vec3>) {
         let first_pair = if self.is_sampled { &*self.first_pair } else { &[] };
-        (DensitySamples { first_pair, pairs: &self.pairs }, &mut self.projection)
+        (BodySamples { first_pair, pairs: &self.pairs }, &mut self.projection)
     }
 
     /// Keeps the velocities before a correction.
@@ -284,7 +253,7 @@ impl RigidSide {
     ) {
         self.react_to_pairs(bodies, scale, |&Pair { particle, body, .. }| {
             let (x, gradient, displacement) = force(particle as usize)?;
-            let own = walls.rigid_density(body as usize, x).own_gradient;
+            let own = walls.rigid_gradient(body as usize, x);
             Some((x, displacement * (own.dot(&gradient) / gradient.norm_squared())))
         });
     }

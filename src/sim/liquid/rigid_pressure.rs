@@ -2,11 +2,12 @@
 
 use super::{
     density::Multiplier,
-    rigid::{NO_PAIR, Pair, sum_by_body},
+    images::{BodySamples, NO_PAIR, Pair},
+    rigid::sum_by_body,
     rigid_system::{BodySystem, Lever, dot, lever},
     setup::SolverSetup,
     solve::Solver,
-    walls::{RigidDensity, Walls},
+    walls::Walls,
 };
 use crate::{math::Vec3, par, solid::RigidBody};
 
@@ -23,6 +24,14 @@ pub(super) struct YieldStep {
     pub(super) tension: f32,
     /// Whether κ is the sum of its changes.
     pub(super) is_accumulating: bool,
+}
+
+/// Linear and angular part of what a body takes up of the pressure of a particle.
+fn pair_lever(body: &RigidBody, pair: &Pair) -> Lever {
+    let [force, moment] = pair.image.of_body;
+    let mut lever = lever(body, pair.x, force);
+    (0..3).for_each(|axis| lever[3 + axis] += f64::from(moment[axis]));
+    lever
 }
 
 impl Solver {
@@ -54,8 +63,7 @@ impl Solver {
             for i in range.filter(|&i| clearance[i] < reach) {
                 for body in walls.rigid_bodies_near(p[i], reach) {
                     let (particle, body) = (i as u32, body as u32);
-                    let solids = RigidDensity::default();
-                    pairs.push(Pair { particle, body, x: Vec3::zeros(), solids, gives: 0.0 });
+                    pairs.push(Pair { particle, body, ..Pair::default() });
                 }
             }
             pairs
@@ -83,14 +91,36 @@ impl Solver {
         self.rigid.stale |= moved.fold(0.0, f32::max) > limit;
     }
 
-    /// Evaluates the density of the solids at the particles near rigid bodies, for the passes of an iteration.
-    pub(super) fn sample_rigid_pairs(&mut self, walls: &Walls) {
-        let p = &self.p;
-        par::update(&mut self.rigid.pairs, |_, pair| {
+    /// Evaluates what the particles near rigid bodies see of them, for the passes of an iteration.
+    pub(super) fn sample_rigid_pairs(&mut self, setup: &SolverSetup<'_>) {
+        if self.rigid.pairs.is_empty() {
+            return;
+        }
+        let Self { p, rigid, lists, .. } = self;
+        let walls = setup.walls;
+        par::update(&mut rigid.pairs, |_, pair| {
             pair.x = p[pair.particle as usize];
-            pair.solids = walls.rigid_density(pair.body as usize, pair.x);
+            pair.mirror = walls.mirror(pair.body as usize, pair.x);
+            pair.colliders = walls.collider_density(pair.x);
         });
-        self.rigid.is_sampled = true;
+        let samples = BodySamples { first_pair: &rigid.first_pair, pairs: &rigid.pairs };
+        let image = |k: usize| samples.density(setup.rest, lists, &samples.pairs[k]);
+        let images = par::map(samples.pairs.len(), image);
+        par::update(&mut rigid.pairs, |k, pair| pair.image = images[k]);
+        rigid.is_sampled = true;
+    }
+
+    /// Evaluates the displacements of the particles near rigid bodies by their images, for the next correction.
+    pub(super) fn sample_image_pushes(&mut self, setup: &SolverSetup<'_>) {
+        let Self { rigid, nodes, lists, .. } = self;
+        if !rigid.is_sampled {
+            return;
+        }
+        let samples = BodySamples { first_pair: &rigid.first_pair, pairs: &rigid.pairs };
+        let value = |i: u32| nodes[i as usize].value();
+        let push = |k: usize| samples.push(setup.rest, lists, &samples.pairs[k], value);
+        let pushes = par::map(samples.pairs.len(), push);
+        par::update(&mut rigid.pairs, |k, pair| pair.push = pushes[k]);
     }
 
     /// Reduces the changes of pressure near bodies by what the bodies yield to them, before particles are moved.
@@ -102,11 +132,10 @@ impl Solver {
         let (pairs, change, total, diagonal) = (&rigid.pairs, &*lambda, &*applied, &*denominator);
         let is_active = |i: usize| !is_accumulating || total[i] > lower_bound(i);
         let add = |k: usize, sums: &mut [BodySystem]| {
-            let Pair { particle, body, x, solids, .. } = pairs[k];
+            let Pair { particle, body, image, .. } = pairs[k];
             let (i, body) = (particle as usize, body as usize);
-            let gradient = solids.own_gradient;
-            if gradient != Vec3::zeros() && is_active(i) {
-                let lever = lever(&bodies[body], x, gradient);
+            if image.of_body[0] != Vec3::zeros() && is_active(i) {
+                let lever = pair_lever(&bodies[body], &pairs[k]);
                 sums[body].add(&lever, f64::from(relaxation / diagonal[i]), -f64::from(change[i]));
             }
         };
@@ -115,7 +144,7 @@ impl Solver {
         let yielded: Vec<Lever> = systems.into_iter().zip(bodies).map(solve).collect();
         par::update(&mut rigid.pairs, |_, pair| {
             let body = pair.body as usize;
-            pair.gives = dot(&lever(&bodies[body], pair.x, pair.solids.own_gradient), &yielded[body]) as f32;
+            pair.gives = dot(&pair_lever(&bodies[body], pair), &yielded[body]) as f32;
         });
         for &Pair { particle, gives, .. } in &rigid.pairs {
             let i = particle as usize;
@@ -137,13 +166,10 @@ impl Solver {
 
     /// Adds the reactions to the last correction to the bodies, those of pressure where the particles were before it, and of projections.
     pub(super) fn push_rigid_bodies(&mut self, walls: &Walls, bodies: &mut [RigidBody], units: [f64; 2]) {
-        let Self { rigid, nodes, p, wall_push, .. } = self;
+        let Self { rigid, p, wall_push, .. } = self;
         rigid.discard_samples();
-        let published = &**nodes;
-        rigid.react_to_pairs(bodies, units[1], |&Pair { particle, x, solids, .. }| {
-            let change = published[particle as usize].value();
-            (change != 0.0).then(|| (x, solids.own_gradient * change))
-        });
+        let push = |pair: &Pair| (pair.push.by_body != Vec3::zeros()).then_some((pair.x, pair.push.by_body));
+        rigid.react_to_pairs(bodies, units[1], push);
         rigid.exchange_projections(walls, [p, wall_push], bodies, units);
     }
 }

@@ -238,7 +238,10 @@ impl Solver {
     /// Evaluates every constraint without an update, and retains nothing of it.
     pub(super) fn measure(&mut self, setup: &SolverSetup<'_>) -> Residual {
         self.retained.clear();
-        self.evaluate::<true>(setup, &NoUpdate { lower_bound: setup.lower_bound() })
+        self.sample_rigid_pairs(setup);
+        let residual = self.evaluate::<true>(setup, &NoUpdate { lower_bound: setup.lower_bound() });
+        self.rigid.discard_samples();
+        residual
     }
 
     /// Copies positions and changes of λ into the layout of neighbour sums.
@@ -354,6 +357,7 @@ impl Solver {
 
     /// Moves every particle by its correction and out of the solids.
     pub(super) fn correct(&mut self, setup: &SolverSetup<'_>) {
+        self.sample_image_pushes(setup);
         let Self { p, nodes, lists, built_at, clearance, wall_push, rigid, .. } = self;
         let (nodes, lists, clearance) = (&**nodes, &*lists, &**clearance);
         let (samples, projection) = rigid.samples_and_projection();

@@ -169,7 +169,7 @@ impl Liquid {
     ) -> Result<Self, SetupError> {
         let rest = RestState::new(params.kernel, params.spacing, params.kernel_radius);
         let mut walls = Walls::new(&world.solids, &rest);
-        walls.add_rigid_bodies(solids);
+        walls.add_rigid_bodies(solids, |number| bodies[number].density() / f64::from(params.density));
         let inflow = Inflow::new(&params, &rest, timeline)?;
         let has_channel = |channel| params.channels.contains(&channel);
         let needs_pushes = walls.has_friction_or_restitution();

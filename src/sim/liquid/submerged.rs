@@ -1,6 +1,6 @@
 //! Bodies that start inside the liquid, and move too slowly in it.
 //!
-//! *Method*: a layer of particles moves along with a solid (docs/decisions/034), which matters to bodies of few spacings.
+//! *Method*: liquid that rests in the rows in which it was seeded flows around a body only where the kernel is wide enough (docs/decisions/048).
 //! Limits: what is inside the sources is judged by the corners of the box around a body, of a mesh that of its distance field, and by the
 //! ends of a ball along the axes.
 
@@ -10,13 +10,12 @@ use crate::{
     solid::{Pose, RigidBody, Shape, Solid},
 };
 
-/// Support of the kernel in spacings from which on bodies move through liquid that rests in its rows. With 2, a ball of twice the density
-/// of viscous liquid slows down until it stays; with 2.2 it sinks at 0.9 of its speed with 2.5. In water a ball of half the density and 6
-/// spacings of radius rises by a quarter of the distance in theory with 2, and by half of it with 2.2 and 2.5.
+/// Support of the kernel in spacings from which on bodies move through liquid that rests in its rows. With 2, a ball of twice the
+/// density of viscous liquid slows down until it stays; with 2.2 it sinks at 0.9 of its speed with 2.5. In water a ball of half the density and 4
+/// spacings of radius rises by 0.3 of the distance in theory with 2, and by 0.85 of it with 2.2.
 pub(super) const FREE_KERNEL_RADIUS: f32 = 2.2;
 
-/// Inner radius in spacings below which liquid has too much inertia at a submerged body: the layer of particles that moves along with a ball is
-/// then heavier than 0.16 of what it displaces.
+/// Inner radius in spacings from which on a body is not named.
 const SUFFICIENT_SPACINGS: f64 = 20.0;
 
 /// Whether a shape at a pose is inside the sources.
@@ -37,12 +36,14 @@ fn is_submerged(shape: &Shape, pose: Pose, sources: &[LiquidSource]) -> bool {
     })
 }
 
-/// The smallest of the bodies that start inside the sources, if it is small, but not thin.
+/// The smallest of the bodies that start inside the sources, if the kernel is narrow, and the body is small, but not thin.
 pub(super) fn submerged_body(
     params: &LiquidParams,
     (solids, bodies): (&[Solid], &[RigidBody]),
 ) -> Option<SubmergedBody> {
-    let is_kernel_narrow = params.kernel_radius < FREE_KERNEL_RADIUS;
+    if params.kernel_radius >= FREE_KERNEL_RADIUS {
+        return None;
+    }
     let mut found: Option<SubmergedBody> = None;
     for ((index, solid), body) in (0..).zip(solids).zip(bodies) {
         let spacings = f64::from(solid.shape.inner_radius() / params.spacing);
@@ -51,7 +52,7 @@ pub(super) fn submerged_body(
         if is_listed && is_submerged(&solid.shape, body.pose(), &params.source) {
             let others = found.map_or(0, |found| found.others + 1);
             let smallest = found.filter(|found| found.spacings <= spacings);
-            let smallest = smallest.unwrap_or(SubmergedBody { index, others, spacings, is_kernel_narrow });
+            let smallest = smallest.unwrap_or(SubmergedBody { index, others, spacings });
             found = Some(SubmergedBody { others, ..smallest });
         }
     }
@@ -102,7 +103,6 @@ mod tests {
         let world = World { gravity: Vec3::z() * -9.81, solids: Vec::new() };
         let liquid = Liquid::seed(params, &world, (&solids, &bodies), Timeline::default());
         let found = liquid.expect("the sources hold particles").seeded.submerged_body?;
-        assert_eq!(found.is_kernel_narrow, kernel_radius < 2.2);
         Some((found.index, found.others, found.spacings.round()))
     }
 
@@ -113,8 +113,9 @@ mod tests {
         let (middle, high) = ([1.0; 3], [1.0, 1.0, 1.64]);
         let three = vec![(ball(0.5), middle), (ball(0.3), high), (ball(0.4), middle)];
         assert_eq!(listed(three.clone(), 2.0, None), Some((1, 2, 3.0)));
-        assert_eq!(listed(three.clone(), 2.5, Some(0.001)), Some((1, 2, 3.0)));
-        assert_eq!(listed(three, 2.5, Some(1e4)), None);
+        assert_eq!(listed(three.clone(), 2.1, Some(0.001)), Some((1, 2, 3.0)));
+        assert_eq!(listed(three.clone(), 2.0, Some(1e4)), None);
+        assert_eq!(listed(three, 2.2, None), None);
         // A tenth of it is above the surface; so small that it is thin; none.
         assert_eq!(listed(vec![(ball(0.3), [1.0, 1.0, 1.76])], 2.0, None), None);
         assert_eq!(listed(vec![(ball(0.04), middle)], 2.0, None), None);
@@ -126,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn large_bodies_have_little_liquid_that_moves_along() {
+    fn large_bodies_are_not_listed() {
         let source = LiquidSource {
             shape: Shape::Box { min: [0.0; 3], max: [10.0; 3] },
             velocity: [0.0; 3],

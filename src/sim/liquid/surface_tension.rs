@@ -126,7 +126,8 @@ impl Tension {
         let volume = spacing.powi(3);
         let cohesion = COHESION * sigma / cut_energy(h, spacing);
         let mut walls = Walls::new(&world.solids, &rest);
-        walls.add_rigid_bodies(bodies);
+        // Its contacts are not used.
+        walls.add_rigid_bodies(bodies, |_| 1.0);
         let cosine = |angle: f32| WETTING[0] * cos(angle.to_radians()) + WETTING[1];
         Self {
             acceleration: (2.0 * sigma / (density * h * h)) as f32,

@@ -11,7 +11,8 @@
 //! Limits: those of `walls/no_slip.rs`: bodies are taken as flat within the support of the kernel.
 
 use super::{
-    rigid::{NO_PAIR, Pair, sum_by_body},
+    images::{NO_PAIR, Pair},
+    rigid::sum_by_body,
     rigid_system::Lever,
     walls::Resistance,
 };

@@ -24,9 +24,6 @@ const MAX_EMPTY_SOURCES: usize = 4;
 /// Thin colliders that are reported one by one; of others only their number is.
 const MAX_THIN_SOLIDS: usize = 4;
 
-/// Smallest radius of a ball whose added mass was measured, in spacings.
-const MIN_BALL: f64 = 4.0;
-
 /// Particles that seeding skipped, sources without any, and a viscosity that the spacing cannot show.
 pub(super) fn seeding_warnings(seeds: &LiquidSeeds) -> Vec<String> {
     let mut warnings = nonzero(&[
@@ -114,27 +111,11 @@ fn thin_solid_warning(solid: &ThinSolid) -> String {
 }
 
 fn submerged_body_warning(body: SubmergedBody) -> String {
-    let SubmergedBody { index, others, spacings, is_kernel_narrow, .. } = body;
+    let SubmergedBody { index, others, spacings, .. } = body;
     let also = if others > 0 { format!(", as {others} larger") } else { String::new() };
-    let (bound, remedy) = match is_kernel_narrow {
-        true => {
-            ("at least ", "Write liquid.kernel_radius = 2.5, and lower liquid.spacing if that is not enough")
-        }
-        false => ("about ", "Lower liquid.spacing if that shows"),
-    };
-    // The layer, and the liquid around both, of which half of the displaced mass moves along.
-    let added = 1.5 * (1.0 + 1.0 / spacings).powi(3) - 1.0;
-    let ball = if spacings >= MIN_BALL {
-        format!(
-            ": a ball of this size has {bound}{} times the displaced mass added, where 0.5 is right",
-            figure(added, 2)
-        )
-    } else {
-        String::new()
-    };
     format!(
-        "body.{index} starts inside the liquid{also}. Its inner radius is {} spacings, and particles at its surface move \
-         along, so that it rises or sinks too slowly{ball}. {remedy}",
+        "body.{index} starts inside the liquid{also}. Its inner radius is {} spacings, and liquid that has not moved holds a body of this size \
+         back, so that it rises or sinks too slowly. Write liquid.kernel_radius = 2.2",
         figure(spacings, 2)
     )
 }
@@ -409,22 +390,14 @@ mod tests {
     }
 
     #[test]
-    fn a_submerged_body_is_named_with_the_mass_that_moves_along() {
-        let warning_of = |spacings, others, is_kernel_narrow| {
-            let submerged_body = Some(SubmergedBody { index: 3, others, spacings, is_kernel_narrow });
-            let seeds = LiquidSeeds { submerged_body, ..LiquidSeeds::default() };
-            let [warning] = &seeding_warnings(&seeds)[..] else { panic!("one warning") };
-            warning.clone()
-        };
-        let wide = warning_of(4.0, 0, false);
-        assert!(wide.contains("body.3 starts inside the liquid. Its inner radius is 4 spacings"), "{wide}");
-        assert!(wide.contains("about 1.9 times") && !wide.contains("kernel_radius"), "{wide}");
-        let narrow = warning_of(6.0, 2, true);
+    fn a_submerged_body_is_named_with_what_helps() {
+        let submerged_body = Some(SubmergedBody { index: 3, others: 2, spacings: 6.0 });
+        let seeds = LiquidSeeds { submerged_body, ..LiquidSeeds::default() };
+        let [warning] = &seeding_warnings(&seeds)[..] else { panic!("one warning") };
         assert!(
-            narrow.contains("liquid, as 2 larger. Its") && narrow.contains("at least 1.4 times"),
-            "{narrow}"
+            warning.contains("body.3 starts inside the liquid, as 2 larger. Its inner radius is 6 spacings"),
+            "{warning}"
         );
-        assert!(narrow.contains("liquid.kernel_radius = 2.5"), "{narrow}");
-        assert!(!warning_of(2.0, 0, false).contains("times"), "{}", warning_of(2.0, 0, false));
+        assert!(warning.contains("liquid.kernel_radius = 2.2"), "{warning}");
     }
 }

@@ -30,7 +30,7 @@ impl Walls {
         let bodies = self.near(x, self.support).map(|body| &self.bodies[body]).filter_map(|body| {
             let keyframed = body.mover.filter(|&mover| mover < self.keyframed);
             let near = keyframed.filter(|_| self.body_distance(body, x) < self.support);
-            near.map(|mover| (mover, Some(body), self.body_density(body, x).1))
+            near.map(|mover| (mover, Some(body), self.body_density(body, x, self.shift).1))
         });
         let did = planes.chain(bodies).map(|(mover, body, falls)| {
             f64::from(falls.dot(&self.displacement(mover, body, x))) * f64::from(-lambda)
@@ -41,6 +41,18 @@ impl Walls {
     /// Density of the solids at `x`, over ρ₀, and its gradient [1/m].
     #[inline]
     pub(in crate::sim::liquid) fn boundary_density(&self, x: Vec3) -> (f32, Vec3) {
+        self.density_of_first(self.bodies.len(), x)
+    }
+
+    /// As [`Self::boundary_density`] without rigid bodies.
+    #[inline]
+    pub(in crate::sim::liquid) fn collider_density(&self, x: Vec3) -> (f32, Vec3) {
+        self.density_of_first(self.rigid_index(0), x)
+    }
+
+    /// Density of the half spaces and of the first `bodies` at `x`, over ρ₀, and its gradient [1/m].
+    #[inline(always)]
+    fn density_of_first(&self, bodies: usize, x: Vec3) -> (f32, Vec3) {
         let (mut open, mut open_gradient) = (1.0_f32, Vec3::zeros());
         let mut add = |left: f32, slope: Vec3| {
             open_gradient = open_gradient * left + slope * open;
@@ -49,22 +61,24 @@ impl Walls {
         for plane in &self.planes {
             let d = plane.n.dot(&x) - plane.offset;
             if d < self.support {
-                add(1.0 - self.half_space_density(d), plane.n * self.half_space_slope(d));
+                add(1.0 - self.half_space_density(d, self.shift), plane.n * self.half_space_slope(d));
             }
         }
-        for body in self.near(x, self.support).map(|body| &self.bodies[body]) {
+        for body in
+            self.near(x, self.support).take_while(|&body| body < bodies).map(|body| &self.bodies[body])
+        {
             if self.body_distance(body, x) < self.support {
-                let (share, slope) = self.body_density(body, x);
+                let (share, slope) = self.body_density(body, x, self.shift);
                 add(1.0 - share, slope);
             }
         }
         (1.0 - open, -open_gradient)
     }
 
-    /// Density of a half space at distance `d` [m].
+    /// Density of a half space at distance `d` [m] whose surface is moved inward by `shift` [m].
     #[inline]
-    pub(super) fn half_space_density(&self, d: f32) -> f32 {
-        self.rest.half_space_density((d + self.shift) * self.inv_support)
+    pub(super) fn half_space_density(&self, d: f32, shift: f32) -> f32 {
+        self.rest.half_space_density((d + shift) * self.inv_support)
     }
 
     /// Slope with which the density of a half space decreases at distance `d` [1/m].
@@ -73,41 +87,42 @@ impl Walls {
         self.rest.half_space_slope(d * self.inv_support) * self.inv_support
     }
 
-    /// Density of one body, and its negative gradient [1/m].
+    /// Density of one body whose surface is moved inward by `shift` [m], and the negative gradient [1/m] of that without the shift.
     #[inline]
-    pub(super) fn body_density(&self, body: &Body, x: Vec3) -> (f32, Vec3) {
+    pub(super) fn body_density(&self, body: &Body, x: Vec3, shift: f32) -> (f32, Vec3) {
         let pose = body.mover.map(|mover| &self.movers[mover].now);
         let own = pose.map_or(x, |pose| pose.to_local(x));
         let turned = |n: Vec3| pose.map_or(n, |pose| pose.rotation * n);
         if let Some(map) = &body.density_map {
             let (d, n) = map.contact(own);
-            return (self.half_space_density(d), turned(n) * self.half_space_slope(d));
+            return (self.half_space_density(d, shift), turned(n) * self.half_space_slope(d));
         }
         if let Shape::Box { min, max } = body.shape {
-            let (share, slope) = self.box_density(min, max, own);
+            let (share, slope) = self.box_density(min, max, own, shift);
             return (share, turned(slope));
         }
         let (d, n) = body.shape.contact(own);
         if let Some(curvature) = mean_curvature(&body.shape, own, n, self.support) {
-            let (share, slope) = self.round_density(curvature, d);
+            let (share, slope) = self.round_density(curvature, d, shift);
             return (share, turned(n) * slope);
         }
         // The probe at depth h is closer to the opposite face if the body is a slab thinner than h.
         let n = turned(n);
         let beyond = self.body_distance(body, x - n * self.support);
         let far = -d - (self.support - d - beyond).max(0.0);
-        let share = self.half_space_density(d) - (1.0 - self.half_space_density(far));
+        let share = self.half_space_density(d, shift) - (1.0 - self.half_space_density(far, shift));
         (share.max(0.0), n * (self.half_space_slope(d) - self.half_space_slope(far)))
     }
 
     /// Density of a box: the product of three slabs.
     #[inline]
-    fn box_density(&self, min: [f32; 3], max: [f32; 3], x: Vec3) -> (f32, Vec3) {
+    fn box_density(&self, min: [f32; 3], max: [f32; 3], x: Vec3, shift: f32) -> (f32, Vec3) {
         let (mut part, mut falls) = ([0.0; 3], [0.0; 3]);
         for axis in 0..3 {
             // Distances to both faces, positive outside the slab.
             let (low, high) = (min[axis] - x[axis], x[axis] - max[axis]);
-            part[axis] = (self.half_space_density(low) - (1.0 - self.half_space_density(high))).max(0.0);
+            let [near, far] = [low, high].map(|d| self.half_space_density(d, shift));
+            part[axis] = (near - (1.0 - far)).max(0.0);
             falls[axis] = self.half_space_slope(high) - self.half_space_slope(low);
         }
         let [a, b, c] = part;

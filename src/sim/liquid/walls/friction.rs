@@ -82,7 +82,7 @@ impl Walls {
             let approach = (u - v_before).dot(&n);
             if surface.restitution > 0.0 && approach > RESTING_STEPS * gravity.norm() * dt {
                 // Depth below the surface without the solid: gravity did not accelerate the particle along it.
-                let depth = self.contact - d + n.dot(&(v - v_before)) * dt;
+                let depth = body.map_or(self.contact, |body| body.contact) - d + n.dot(&(v - v_before)) * dt;
                 let impact2 = approach * approach + 2.0 * n.dot(&gravity) * depth;
                 let gain = surface.restitution * impact2.max(0.0).sqrt() - n.dot(&(v - u));
                 if depth > 0.0 && gain > 0.0 {

@@ -21,7 +21,7 @@ mod wetting;
 
 pub(super) use friction::{PushedParticle, ROUNDING};
 pub(super) use no_slip::{Resistance, WallDrag};
-pub(super) use rigid::RigidDensity;
+pub(super) use rigid::Mirror;
 pub(super) use wetting::Wetting;
 
 use super::{calibration::RestState, density_map};
@@ -32,6 +32,9 @@ use crate::{
 use body_grid::BodyGrid;
 use deforming::Deforming;
 use surface::Surface;
+
+/// Contact distance between particles and colliders [spacings].
+const CONTACT: f32 = 0.5;
 
 /// Most iterations that project a particle out of all solids; after them remaining contacts are counted.
 const MAX_PROJECTION_ITERATIONS: usize = 12;
@@ -65,7 +68,7 @@ pub(super) struct Walls {
     largest_displacement: f32,
     /// Current time [s].
     now: f64,
-    /// Contact distance between particles and surfaces [m].
+    /// Contact distance between particles and half spaces [m].
     contact: f32,
     support: f32,
     inv_support: f32,
@@ -94,6 +97,8 @@ struct Body {
     deforming: Option<Deforming>,
     mover: Option<usize>,
     surface: Surface,
+    /// Contact distance between particles and its surface [m].
+    contact: f32,
     /// All of it is within `reach` [m] of `center`, in its own axes [m].
     center: Vec3,
     reach: f32,
@@ -130,7 +135,8 @@ impl Body {
             half_extent = Vec3::repeat(reach);
         }
         let deforming = Deforming::of(solid);
-        Self { half_extent, shape, density_map, deforming, mover, surface, center, reach }
+        let contact = CONTACT * rest.spacing;
+        Self { half_extent, shape, density_map, deforming, mover, surface, contact, center, reach }
     }
 }
 
@@ -190,7 +196,7 @@ impl Walls {
             grid: BodyGrid::default(),
             largest_displacement: 0.0,
             now: 0.0,
-            contact: 0.5 * rest.spacing,
+            contact: CONTACT * rest.spacing,
             support: rest.support,
             inv_support: rest.inv_support,
             shift: rest.wall_shift,
@@ -292,11 +298,8 @@ impl Walls {
         for iteration in 0..MAX_PROJECTION_ITERATIONS {
             let yielded = (iteration.max(FIRST_YIELDING_ITERATION) - FIRST_YIELDING_ITERATION + 1) as f32
                 / (MAX_PROJECTION_ITERATIONS - FIRST_YIELDING_ITERATION) as f32;
-            let keep = if iteration < FIRST_YIELDING_ITERATION {
-                self.contact
-            } else {
-                self.contact * (1.0 - yielded)
-            };
+            let kept = if iteration < FIRST_YIELDING_ITERATION { 1.0 } else { 1.0 - yielded };
+            let keep = self.contact * kept;
             let mut touched = false;
             for plane in &self.planes {
                 let depth = keep - (plane.n.dot(&x) - plane.offset);
@@ -306,6 +309,7 @@ impl Walls {
                 }
             }
             for body in self.near(x, self.support).map(|body| &self.bodies[body]) {
+                let keep = body.contact * kept;
                 if self.body_distance(body, x) < keep {
                     let (d, n) = self.body_contact(body, x);
                     if d < keep {
@@ -323,9 +327,9 @@ impl Walls {
 
     /// Whether `x` is clearly closer to a solid than the contact distance.
     fn touches(&self, x: Vec3) -> bool {
-        let near = 0.99 * self.contact;
-        self.planes.iter().any(|plane| plane.n.dot(&x) - plane.offset < near)
-            || self.near(x, self.support).any(|body| self.body_contact(&self.bodies[body], x).0 < near)
+        let of_plane = |plane: &Plane| plane.n.dot(&x) - plane.offset < 0.99 * self.contact;
+        let of_body = |body: &Body| self.body_contact(body, x).0 < 0.99 * body.contact;
+        self.planes.iter().any(of_plane) || self.near(x, self.support).any(|body| of_body(&self.bodies[body]))
     }
 
     /// End of a particle's path from `from` to `to` while the solids do not move, and whether it is still in contact.
@@ -371,7 +375,7 @@ impl Walls {
     #[inline]
     fn trace_path(&self, body: &Body, from: Vec3, to: Vec3) -> Vec3 {
         let (mut x, mut left) = (from, to - from);
-        let near = STOP_DISTANCE * self.contact;
+        let near = STOP_DISTANCE * body.contact;
         for _ in 0..MAX_SLIDES {
             let mut length = left.norm();
             let mut d = self.body_distance(body, x);
@@ -395,7 +399,7 @@ impl Walls {
             let (d, n) = self.body_contact(body, x);
             left = direction * length;
             left -= n * left.dot(&n).min(0.0);
-            x += n * (self.contact - d);
+            x += n * (body.contact - d);
         }
         x
     }
@@ -411,17 +415,14 @@ impl Walls {
         // Among the moving solids in contact, the one whose normal is closest to the projection did the work.
         let planes = self.planes.iter().filter_map(|plane| {
             let d = plane.n.dot(&to) - plane.offset;
-            plane.mover.map(|mover| (mover, None, d, plane.n))
+            plane.mover.filter(|_| d < 1.5 * self.contact).map(|mover| (mover, None, plane.n))
         });
         let bodies = self.near(to, self.support).filter_map(|body| {
             let body = &self.bodies[body];
-            body.mover.map(|mover| {
-                let (d, n) = self.body_contact(body, to);
-                (mover, Some(body), d, n)
-            })
+            let (d, n) = self.body_contact(body, to);
+            body.mover.filter(|_| d < 1.5 * body.contact).map(|mover| (mover, Some(body), n))
         });
-        let touching = planes.chain(bodies).filter(|&(_, _, d, _)| d < 1.5 * self.contact);
-        let facing = touching.map(|(mover, body, _, n)| (mover, body, n.dot(&push), n));
+        let facing = planes.chain(bodies).map(|(mover, body, n)| (mover, body, n.dot(&push), n));
         let facing = facing.filter(|&(_, _, along, _)| along > 0.0);
         let best = facing.reduce(|a, b| if b.2 > a.2 { b } else { a });
         best.filter(|&(mover, ..)| mover < self.keyframed).map_or(0.0, |(mover, body, along, n)| {

@@ -140,7 +140,7 @@ mod tests {
         let bar = Shape::Box { min: [-0.3, -0.1, -0.1], max: [0.3, 0.1, 0.1] };
         let mut walls = Walls::new(&[], &rest);
         let bars: Vec<Solid> = (0..12).map(|_| Solid::fixed(bar.clone())).collect();
-        walls.add_rigid_bodies(&bars);
+        walls.add_rigid_bodies(&bars, |_| 1.0);
         // Slower than the grid is built anew in a step, faster, and back.
         for step in [0.0_f32, 0.04, 0.08, 0.5, 0.46, 3.0, 0.0] {
             let pose = |k: u8| Pose {

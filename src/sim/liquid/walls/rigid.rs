@@ -2,27 +2,47 @@
 //!
 //! Bodies come after all colliders, in the order of the bodies of the simulation, which sets their poses.
 
-use super::{Body, MovingSolid, Walls};
+use super::{Body, CONTACT, MovingSolid, Plane, Walls};
 use crate::{
     math::Vec3,
     solid::{Pose, Solid},
 };
 
-/// Density of solids near a rigid body.
+/// Contact distance between particles and rigid bodies [spacings]: the layer of particles is held by its images, and must be free to thin out.
+const RIGID_CONTACT: f32 = 0.25;
+
+/// Density over that of the liquid below which bodies have the contact distance of colliders. The pressure of images falls with the distance below
+/// 0.4 spacings, from which on the inertia of a body must keep it: bodies of 0.008 fly off, of 0.02 do not.
+const LIGHT_BODY: f64 = 0.05;
+
+/// Density below which the weights of images approach 1, where both that they are the quotient of vanish.
+const SMALLEST_DENSITY: f32 = 0.02;
+
+/// The surface of a rigid body as a particle near it sees it; see `images.rs`.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in crate::sim::liquid) struct RigidDensity {
-    /// Density of all solids over ρ₀, and its gradient [1/m].
-    pub(in crate::sim::liquid) density: f32,
-    pub(in crate::sim::liquid) gradient: Vec3,
-    /// Share of the body in the gradient [1/m].
-    pub(in crate::sim::liquid) own_gradient: Vec3,
+pub(in crate::sim::liquid) struct Mirror {
+    /// Distance from the surface over h, at least 0.
+    pub(in crate::sim::liquid) distance: f32,
+    /// Unit normal out of the body.
+    pub(in crate::sim::liquid) normal: Vec3,
+    /// Weight of the particle's images [1], and its gradient [1/m].
+    pub(in crate::sim::liquid) weight: f32,
+    pub(in crate::sim::liquid) slope: Vec3,
+    /// Density of the body that images lack in a hollow, over ρ₀, and its gradient [1/m].
+    pub(in crate::sim::liquid) excess: (f32, Vec3),
 }
 
 impl Walls {
-    /// Adds solids that are rigid bodies, which have bounded shapes.
-    pub(in crate::sim::liquid) fn add_rigid_bodies(&mut self, solids: &[Solid]) {
-        for solid in solids {
-            let body = Body::new(solid, Some(self.movers.len()), &self.rest);
+    /// Adds solids that are rigid bodies, which have bounded shapes. `density` is that of each over that of the liquid.
+    pub(in crate::sim::liquid) fn add_rigid_bodies(
+        &mut self,
+        solids: &[Solid],
+        density: impl Fn(usize) -> f64,
+    ) {
+        for (number, solid) in solids.iter().enumerate() {
+            let is_light = density(number) < LIGHT_BODY;
+            let contact = if is_light { CONTACT } else { RIGID_CONTACT } * self.rest.spacing;
+            let body = Body { contact, ..Body::new(solid, Some(self.movers.len()), &self.rest) };
             let (center, reach) = (body.center, body.reach);
             let (before, now) = (Pose::identity(), Pose::identity());
             self.movers.push(MovingSolid { motion: None, center, reach, before, now });
@@ -74,52 +94,71 @@ impl Walls {
             .map(move |body| body - first)
     }
 
-    /// Density of the solids at `x` over ρ₀ and its gradient, as [`Walls::boundary_density`], with the share of one rigid body.
-    pub(in crate::sim::liquid) fn rigid_density(&self, body: usize, x: Vec3) -> RigidDensity {
+    /// The surface of a rigid body as a particle at `x` sees it. The weight is the square root of the density that the body contributes
+    /// over that of a half space as near: 1 at a flat face, less at an edge. In a hollow, where images in one face are too few, it is 1, and the rest of
+    /// the density is the body's own.
+    pub(in crate::sim::liquid) fn mirror(&self, body: usize, x: Vec3) -> Mirror {
+        let body = &self.bodies[self.rigid_index(body)];
+        let (d, normal) = self.body_contact(body, x);
+        let (share, falls) = self.body_density(body, x, 0.0);
+        let of_half_space = self.half_space_density(d, 0.0) + SMALLEST_DENSITY;
+        let falls_of_half_space = normal * self.half_space_slope(d);
+        let mut mirror =
+            Mirror { distance: d.max(0.0) * self.inv_support, normal, weight: 1.0, ..Mirror::default() };
+        let squared = (share + SMALLEST_DENSITY) / of_half_space;
+        if squared < 1.0 {
+            mirror.weight = squared.sqrt();
+            mirror.slope = (falls_of_half_space * squared - falls) / (2.0 * mirror.weight * of_half_space);
+        } else {
+            let excess = self.body_density(body, x, self.shift).0 - self.half_space_density(d, self.shift);
+            mirror.excess = (excess.max(0.0), falls_of_half_space - falls);
+        }
+        mirror
+    }
+
+    /// Share of a rigid body in the gradient of [`Walls::boundary_density`] at `x` [1/m].
+    pub(in crate::sim::liquid) fn rigid_gradient(&self, body: usize, x: Vec3) -> Vec3 {
         let own = self.rigid_index(body);
-        let (mut open, mut open_gradient) = (1.0_f32, Vec3::zeros());
         let (mut others, mut slope_of_own) = (1.0_f32, Vec3::zeros());
-        let mut add = |left: f32, slope: Vec3, is_own: bool| {
-            open_gradient = open_gradient * left + slope * open;
-            open *= left;
-            if is_own {
-                slope_of_own = slope;
-            } else {
-                others *= left;
-            }
-        };
         for plane in &self.planes {
             let d = plane.n.dot(&x) - plane.offset;
             if d < self.support {
-                add(1.0 - self.half_space_density(d), plane.n * self.half_space_slope(d), false);
+                others *= 1.0 - self.half_space_density(d, self.shift);
             }
         }
         for index in self.near(x, self.support) {
             let body = &self.bodies[index];
             if self.body_distance(body, x) < self.support {
-                let (share, slope) = self.body_density(body, x);
-                add(1.0 - share, slope, index == own);
+                let (share, slope) = self.body_density(body, x, self.shift);
+                if index == own {
+                    slope_of_own = slope;
+                } else {
+                    others *= 1.0 - share;
+                }
             }
         }
-        RigidDensity { density: 1.0 - open, gradient: -open_gradient, own_gradient: slope_of_own * -others }
+        slope_of_own * -others
     }
 
     /// The rigid body that pushed a particle to `x` by a projection of `push`, with its normal; `None` if another solid did. Of
     /// several solids in contact, it is the one whose normal is closest to the projection, as for [`Walls::work`].
     pub(in crate::sim::liquid) fn rigid_contact(&self, x: Vec3, push: Vec3) -> Option<(usize, Vec3)> {
-        let planes = self.planes.iter().map(|plane| (None, plane.n.dot(&x) - plane.offset, plane.n));
+        let of_plane = |plane: &Plane| {
+            let d = plane.n.dot(&x) - plane.offset;
+            (d < 1.5 * self.contact).then_some((None, plane.n))
+        };
+        let planes = self.planes.iter().filter_map(of_plane);
         let first = self.bodies.len() - self.rigid_bodies();
         let bodies = self.near(x, self.support).filter_map(|index| {
             let body = &self.bodies[index];
-            if self.body_distance(body, x) >= 1.5 * self.contact {
+            if self.body_distance(body, x) >= 1.5 * body.contact {
                 return None;
             }
             let (d, n) = self.body_contact(body, x);
-            Some((index.checked_sub(first), d, n))
+            (d < 1.5 * body.contact).then_some((index.checked_sub(first), n))
         });
-        let touching = planes.chain(bodies).filter(|&(_, d, _)| d < 1.5 * self.contact);
-        let facing =
-            touching.map(|(body, _, n)| (body, n, n.dot(&push))).filter(|&(_, _, along)| along > 0.0);
+        let touching = planes.chain(bodies).map(|(body, n)| (body, n, n.dot(&push)));
+        let facing = touching.filter(|&(_, _, along)| along > 0.0);
         let best = facing.reduce(|a, b| if b.2 > a.2 { b } else { a });
         best.and_then(|(body, n, _)| Some((body?, n)))
     }

@@ -63,10 +63,10 @@ impl Walls {
     /// Density of a round solid at distance `d` [m] from a surface with the mean curvature `curvature` [1/m], and the slope with which
     /// it decreases [1/m].
     #[inline]
-    pub(super) fn round_density(&self, curvature: f32, d: f32) -> (f32, f32) {
+    pub(super) fn round_density(&self, curvature: f32, d: f32, shift: f32) -> (f32, f32) {
         let inv_h = f64::from(self.inv_support);
         let curvature = (f64::from(curvature) / inv_h).clamp(0.0, MAX_CURVATURE);
-        let (d, shift) = (f64::from(d) * inv_h, f64::from(self.shift) * inv_h);
+        let (d, shift) = (f64::from(d) * inv_h, f64::from(shift) * inv_h);
         // The offset moves the surface inward: the distance grows and the radius shrinks.
         let shrunk = (curvature / (1.0 - curvature * shift).max(1e-3)).min(MAX_CURVATURE);
         let share = ball_density(self.rest.kernel, shrunk, d + shift);

@@ -58,7 +58,7 @@ impl Wetting {
         for (body, cosine) in walls.near(x, walls.support).map(|body| (&walls.bodies[body], of_bodies[body]))
         {
             if walls.body_distance(body, x) < walls.support {
-                add(walls.body_density(body, x).1.norm(), cosine);
+                add(walls.body_density(body, x, walls.shift).1.norm(), cosine);
             }
         }
         if weights > 0.0 { sum / weights } else { self.common }

@@ -42,8 +42,9 @@ const FRICTION_BYTES: f64 = 24.0;
 /// Microrotation and buffers of its exchange [bytes/particle].
 const MICROPOLAR_BYTES: f64 = 64.0;
 
-/// Projections by solids, and pairs of particles and rigid bodies, of which the lists exist twice while they are found [bytes/particle].
-const BODY_BYTES: f64 = 12.0 + 4.0 + 2.0 * 52.0;
+/// Projections by solids, pairs of particles and rigid bodies, of which the lists exist twice while they are found, and densities of images
+/// [bytes/particle].
+const BODY_BYTES: f64 = 12.0 + 4.0 + 2.0 * 156.0 + 44.0;
 
 /// Viscous drag between particles and rigid bodies, of which the list exists twice while it is assembled [bytes/particle].
 const VISCOUS_BODY_BYTES: f64 = 4.0 + 2.0 * 44.0;

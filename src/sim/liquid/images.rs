@@ -1,0 +1,337 @@
+//! Images of particles in rigid bodies: the density that a body contributes to the liquid, and the forces that follow from it.
+//!
+//! *Method*: the method of images for a smooth wall. Particles at the distances d_i and d_j from a surface are r apart, and the image of
+//! one behind the surface is r' = √(r² + 4 d_i d_j) from the other, which is exact at planes, and the same for both, so that density and
+//! forces derive from one energy: momentum is exact, and a body that comes to rest leaves the liquid at rest. An image moves along the surface with its particle.
+//! The density of a solid that does not change where the liquid at it thins out holds the first layer of particles together, and this moves along with
+//! the body (docs/decisions/048). Weights c_i c_j with c² the density of the body over that of a half space as near account for curvature,
+//! edges and thin parts (`walls/rigid.rs`).
+//! *Departs from* mirrored ghost particles ([schechter12]): none are made.
+//!
+//! The displacement of particle i by its images splits into one along x_i − x_j, which is opposite to that of j, and one along the normal
+//! and the slope of the weight, which the body takes up at x_i.
+//! Symbols: r'/h → q; m W(r')/ρ₀ → `density` [1]; m |∇W|/(r' ρ₀) → `slope` [1/m] for offsets over h; c → `weight`.
+
+use super::{Kernel, calibration::RestState, walls::Mirror};
+use crate::{math::Vec3, space::Neighbours};
+
+/// Mark of a particle that is not near a body.
+pub(super) const NO_PAIR: u32 = u32::MAX;
+
+/// A particle near a rigid body.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Pair {
+    pub(super) particle: u32,
+    pub(super) body: u32,
+    /// Position in this iteration [m].
+    pub(super) x: Vec3,
+    /// The body's surface as the particle sees it.
+    pub(super) mirror: Mirror,
+    /// Density of the colliders there over ρ₀, and its gradient [1/m].
+    pub(super) colliders: (f32, Vec3),
+    /// Density of the particle's images there.
+    pub(super) image: ImageDensity,
+    /// Displacement of the particle by its images in the last correction.
+    pub(super) push: ImagePush,
+    /// What the body yields along that gradient.
+    pub(super) gives: f32,
+}
+
+/// The particles near rigid bodies, with the surfaces that they see.
+#[derive(Clone, Copy)]
+pub(super) struct BodySamples<'a> {
+    /// Index of the first pair of each particle, or [`NO_PAIR`]; empty where nothing is sampled.
+    pub(super) first_pair: &'a [u32],
+    pub(super) pairs: &'a [Pair],
+}
+
+/// Density of the images at a particle.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct ImageDensity {
+    /// Over ρ₀.
+    pub(super) density: f32,
+    /// Gradient with the particle's position [1/m].
+    pub(super) gradient: Vec3,
+    /// What images add to the sum over neighbours of the squared gradients with their positions [1/m²].
+    pub(super) others2: f32,
+    /// Negative gradient with the position of the body [1/m], and its moment about the particle.
+    pub(super) of_body: [Vec3; 2],
+}
+
+/// Displacement of a particle by its images [m].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct ImagePush {
+    /// The part that neighbours take up.
+    pub(super) by_neighbours: Vec3,
+    /// The part that the body takes up.
+    pub(super) by_body: Vec3,
+}
+
+/// Kernel and slope of its gradient at q = r'/h < 1, as `pair.rs` has them.
+#[inline]
+fn kernel_and_slope(kernel: Kernel, q2: f32) -> (f32, f32) {
+    let q = q2.sqrt();
+    let t = 1.0 - q;
+    match kernel {
+        Kernel::Wendland => {
+            let t2 = t * t;
+            (t2 * t2 * (1.0 + 4.0 * q), t2 * t)
+        }
+        Kernel::Poly6Spiky => {
+            let w = 1.0 - q2;
+            (w * w * w, t * t / q.max(1e-12))
+        }
+    }
+}
+
+/// Slope of the kernel of a neighbour at `offset` over h.
+#[inline]
+fn real_slope(rest: &RestState, offset: Vec3) -> f32 {
+    let q2 = offset.norm_squared();
+    if q2 < 1.0 { kernel_and_slope(rest.kernel, q2).1 } else { 0.0 }
+}
+
+impl<'a> BodySamples<'a> {
+    /// The pairs of particle `i`.
+    #[inline]
+    pub(super) fn of(self, i: usize) -> &'a [Pair] {
+        let Some(&first) = self.first_pair.get(i).filter(|&&first| first != NO_PAIR) else { return &[] };
+        let from = &self.pairs[first as usize..];
+        let count = from.iter().take_while(|pair| pair.particle as usize == i).count();
+        &from[..count]
+    }
+
+    /// Density of all other solids at particle `i`, and its gradient [1/m], if it is near a rigid body.
+    #[inline(always)]
+    pub(super) fn of_colliders(self, i: usize) -> Option<(f32, Vec3)> {
+        let &first = self.first_pair.get(i)?;
+        self.pairs.get(first as usize).map(|pair| pair.colliders)
+    }
+
+    /// Calls `term` with each neighbour whose image is near the particle of `pair`: its pair, x_i − x_j over h, kernel, and slope.
+    #[inline]
+    fn for_each_image(
+        self,
+        rest: &RestState,
+        lists: &Neighbours,
+        pair: &Pair,
+        mut term: impl FnMut(&Pair, Vec3, f32, f32),
+    ) {
+        for &j in lists.of(pair.particle as usize) {
+            let Some(other) = self.of(j as usize).iter().find(|other| other.body == pair.body) else {
+                continue;
+            };
+            // Across a thin body each is real, and has no image.
+            if pair.mirror.normal.dot(&other.mirror.normal) < 0.0 {
+                continue;
+            }
+            let offset = (pair.x - other.x) * rest.inv_support;
+            let q2 = offset.norm_squared() + 4.0 * pair.mirror.distance * other.mirror.distance;
+            if q2 < 1.0 {
+                let (w, s) = kernel_and_slope(rest.kernel, q2);
+                term(other, offset, w * rest.density_scale, s * rest.gradient_scale);
+            }
+        }
+    }
+
+    /// Density of the images at the particle of `pair`.
+    pub(super) fn density(self, rest: &RestState, lists: &Neighbours, pair: &Pair) -> ImageDensity {
+        let own = &pair.mirror;
+        let mut sum = ImageDensity::default();
+        if let Some((w, s)) = own_image(rest, pair) {
+            sum.density = w * own.weight * own.weight;
+            sum.gradient = own.slope * (2.0 * own.weight * w) - own.normal * s;
+            sum.of_body[0] = sum.gradient;
+        }
+        sum.density += own.excess.0;
+        sum.gradient += own.excess.1;
+        sum.of_body[0] += own.excess.1;
+        self.for_each_image(rest, lists, pair, |other, offset, w, s| {
+            let other = &other.mirror;
+            let s = own.weight * other.weight * s;
+            sum.density += own.weight * other.weight * w;
+            let of_own = own.slope * (other.weight * w) - own.normal * (2.0 * other.distance * s);
+            let of_other = other.slope * (own.weight * w) - other.normal * (2.0 * own.distance * s);
+            sum.gradient += of_own - offset * s;
+            let by_image = of_other + offset * s;
+            let by_itself = offset * (real_slope(rest, offset) * rest.gradient_scale);
+            sum.others2 += by_image.dot(&(by_image + by_itself * 2.0));
+            sum.of_body[0] += of_own + of_other;
+            // The body acts on the neighbour where that is.
+            sum.of_body[1] -= (offset * rest.support).cross(&of_other);
+        });
+        sum
+    }
+
+    /// Displacement of the particle of `pair` by its images, with the changes of λ that `value` gives [m²].
+    pub(super) fn push(
+        self,
+        rest: &RestState,
+        lists: &Neighbours,
+        pair: &Pair,
+        value: impl Fn(u32) -> f32,
+    ) -> ImagePush {
+        let (own, lambda) = (&pair.mirror, value(pair.particle));
+        let mut sum = ImagePush::default();
+        if let Some((w, s)) = own_image(rest, pair).filter(|_| lambda != 0.0) {
+            sum.by_body = (own.slope * (2.0 * own.weight * w) - own.normal * s) * lambda;
+        }
+        sum.by_body += own.excess.1 * lambda;
+        self.for_each_image(rest, lists, pair, |other, offset, w, s| {
+            let both = lambda + value(other.particle);
+            if both != 0.0 {
+                let s = own.weight * other.mirror.weight * s;
+                sum.by_neighbours -= offset * (s * both);
+                let of_own =
+                    own.slope * (other.mirror.weight * w) - own.normal * (2.0 * other.mirror.distance * s);
+                sum.by_body += of_own * both;
+            }
+        });
+        sum
+    }
+}
+
+/// Density of a particle's own image, without the weight, and the slope of the weighted one with the distance [1/m].
+#[inline]
+fn own_image(rest: &RestState, pair: &Pair) -> Option<(f32, f32)> {
+    let q = 2.0 * pair.mirror.distance;
+    (q < 1.0).then(|| {
+        let (w, s) = kernel_and_slope(rest.kernel, q * q);
+        let squared = pair.mirror.weight * pair.mirror.weight;
+        (w * rest.density_scale, 2.0 * q * s * rest.gradient_scale * squared)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        sim::liquid::{Constraint, calibration::RestState, setup::SolverSetup, solve::Solver, walls::Walls},
+        solid::{Pose, Shape, Solid},
+    };
+
+    const SPACING: f32 = 0.02;
+
+    /// A solver whose lists are those of `p`, and a rigid body at `place`.
+    fn at_body(shape: Shape, place: Vec3, kernel: Kernel, p: Vec<Vec3>) -> (Solver, Walls, RestState) {
+        let rest = RestState::new(kernel, SPACING, 2.5);
+        let mut walls = Walls::new(&[], &rest);
+        walls.add_rigid_bodies(&[Solid::fixed(shape)], |_| 1.0);
+        let pose = Pose { position: place, ..Pose::identity() };
+        walls.set_rigid_bodies([[pose, pose]].into_iter());
+        let mut solver = Solver::default();
+        solver.p = p;
+        solver.find_cells(&rest).expect("no crowd");
+        let setup =
+            SolverSetup { rest: &rest, walls: &walls, constraint: Constraint::Equality, softening: 0.0 };
+        solver.build_lists(&setup);
+        solver.sample_rigid_pairs(&setup);
+        (solver, walls, rest)
+    }
+
+    fn cuboid(half: f32) -> Shape {
+        Shape::Box { min: [-half; 3], max: [half; 3] }
+    }
+
+    /// Particles on a cubic lattice above z = 0, the first layer at half a spacing.
+    fn layers() -> Vec<Vec3> {
+        let place = |k: u32| Vec3::new((k % 9) as f32 - 4.0, (k / 9 % 9) as f32 - 4.0, (k / 81) as f32 + 0.5);
+        (0..729).map(|k| place(k) * SPACING).collect()
+    }
+
+    #[test]
+    fn the_density_at_a_flat_face_is_that_inside_the_liquid() {
+        for kernel in [Kernel::Wendland, Kernel::Poly6Spiky] {
+            let half = 0.5;
+            let (solver, walls, rest) = at_body(cuboid(half), Vec3::z() * -half, kernel, layers());
+            let setup =
+                SolverSetup { rest: &rest, walls: &walls, constraint: Constraint::Equality, softening: 0.0 };
+            let mut solver = solver;
+            solver.measure(&setup);
+            for layer in 0..3 {
+                let ratio = solver.ratio[4 + 9 * 4 + 81 * layer];
+                assert!((ratio - 1.0).abs() < 1e-3, "{kernel:?}, layer {layer}: {ratio}");
+            }
+        }
+    }
+
+    /// Sum over the particles of λ_i times the density of their images.
+    fn weighted_density(solver: &Solver, rest: &RestState, lambda: impl Fn(u32) -> f32) -> f64 {
+        let samples = BodySamples { first_pair: &solver.rigid.first_pair, pairs: &solver.rigid.pairs };
+        let density = |pair: &Pair| samples.density(rest, &solver.lists, pair).density;
+        samples.pairs.iter().map(|pair| f64::from(lambda(pair.particle) * density(pair))).sum()
+    }
+
+    fn displaced(k: u32) -> f32 {
+        (k.wrapping_mul(2_654_435_761) >> 16) as f32 / 65536.0 - 0.5
+    }
+
+    #[test]
+    fn pushes_are_the_gradients_of_the_density_and_bodies_take_up_the_rest() {
+        let lambda = |i: u32| 1.0 + displaced(7 * i);
+        for shape in [cuboid(0.05), Shape::Sphere { center: [0.0; 3], radius: 0.06 }] {
+            let cloud: Vec<Vec3> = (0..1331_u32)
+                .map(|k| {
+                    let cell = Vec3::new((k % 11) as f32, (k / 11 % 11) as f32, (k / 121) as f32);
+                    let shift = Vec3::new(displaced(3 * k), displaced(3 * k + 1), displaced(3 * k + 2)) * 0.4;
+                    (cell - Vec3::repeat(5.0) + shift) * SPACING
+                })
+                .filter(|x| shape.signed_distance(*x) > 0.3 * SPACING)
+                .collect();
+            let (solver, _, rest) = at_body(shape.clone(), Vec3::zeros(), Kernel::Wendland, cloud.clone());
+            let samples = BodySamples { first_pair: &solver.rigid.first_pair, pairs: &solver.rigid.pairs };
+            let pushes: Vec<ImagePush> =
+                samples.pairs.iter().map(|pair| samples.push(&rest, &solver.lists, pair, lambda)).collect();
+            let size = pushes.iter().map(|push| push.by_body.norm()).fold(0.0, f32::max);
+            let step = 2e-3 * SPACING;
+            for k in (0..pushes.len()).step_by(pushes.len() / 12) {
+                let i = samples.pairs[k].particle as usize;
+                for axis in 0..3 {
+                    let moved = |by: f32| {
+                        let mut p = cloud.clone();
+                        p[i][axis] += by;
+                        let (solver, _, rest) = at_body(shape.clone(), Vec3::zeros(), Kernel::Wendland, p);
+                        weighted_density(&solver, &rest, lambda)
+                    };
+                    let slope = (moved(step) - moved(-step)) / f64::from(2.0 * step);
+                    let push = (pushes[k].by_neighbours + pushes[k].by_body)[axis];
+                    assert!(
+                        (slope - f64::from(push)).abs() < 0.01 * f64::from(size),
+                        "{shape:?} {i}: {slope}, {push}"
+                    );
+                }
+            }
+            // Neighbours exchange momentum, and the body takes up what changes the density as it moves.
+            let sum = |part: fn(&ImagePush) -> Vec3| pushes.iter().map(part).sum::<Vec3>();
+            assert!(sum(|push| push.by_neighbours).norm() < 1e-4 * size * pushes.len() as f32);
+            let of_body =
+                samples.pairs.iter().map(|pair| pair.image.of_body[0] * lambda(pair.particle)).sum::<Vec3>();
+            assert!((of_body - sum(|push| push.by_body)).norm() < 1e-4 * size * pushes.len() as f32);
+            let moment = |pair: &Pair| {
+                (pair.x.cross(&pair.image.of_body[0]) + pair.image.of_body[1]) * lambda(pair.particle)
+            };
+            let of_body_moment = samples.pairs.iter().map(moment).sum::<Vec3>();
+            let moments = samples
+                .pairs
+                .iter()
+                .zip(&pushes)
+                .map(|(pair, push)| pair.x.cross(&push.by_body))
+                .sum::<Vec3>();
+            assert!(
+                (of_body_moment - moments).norm() < 1e-5 * size * pushes.len() as f32,
+                "{of_body_moment}, {moments}"
+            );
+            let at = |x: f32| {
+                let (solver, _, rest) =
+                    at_body(shape.clone(), Vec3::x() * x, Kernel::Wendland, cloud.clone());
+                weighted_density(&solver, &rest, lambda)
+            };
+            let slope = (at(-step) - at(step)) / f64::from(2.0 * step);
+            let taken = f64::from(of_body.x);
+            assert!(
+                (slope - taken).abs() < 0.01 * f64::from(size) * (pushes.len() as f64).sqrt(),
+                "{slope}, {taken}"
+            );
+        }
+    }
+}
