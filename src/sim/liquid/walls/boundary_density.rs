@@ -6,6 +6,7 @@
 //! its edges. Round solids contribute what a ball of their curvature does (`round_density.rs`). For meshes a density map has
 //! the integral (`density_map.rs`). Several solids combine as if independent: the
 //! open part is the product of their open parts, which for two or three perpendicular walls keeps a corner near rest.
+//! In the density solve rigid bodies contribute by images of the particles instead (`images.rs`); surface tension and measures use the integral.
 //! *Departs from [pbf]*: the paper has neither boundary particles nor such a term, and names stacking as a limitation.
 //!
 //! Limits: a mesh whose voxels are far larger than h is taken as flat (`density_map.rs`): its convex edges then contribute
