@@ -4,7 +4,7 @@
 //! spacing, and every shortened one is counted. Coincident particles are separated along a direction derived from their
 //! indices, since no gradient separates them. Directions between particles may be those of earlier positions than x*
 //! (docs/decisions/022), which the neighbour sums then have; those of solids, which are at their poses at the end of the
-//! substep, are at x*.
+//! substep, and of images in rigid bodies are at x*.
 
 use super::{density::Chunk, lanes, pair::Pair, pass::NeighbourPass};
 use crate::{
@@ -51,7 +51,7 @@ impl NeighbourPass for CorrectionPass<'_> {
         let blocks = self.p.chunks_mut(LANES).zip(self.built_at.chunks(LANES)).enumerate();
         for (block, (p, built_at)) in blocks {
             let first = self.at.start + block * LANES;
-            let [deltas, by_bodies] = corrections::<L, P>(&self.at, first, p);
+            let deltas = corrections::<L, P>(&self.at, first, p);
             for (k, (x, built_at)) in p.iter_mut().zip(built_at).enumerate() {
                 let i = first + k;
                 let (delta, short) = limit(deltas[k], setup.rest.spacing);
@@ -76,7 +76,8 @@ impl NeighbourPass for CorrectionPass<'_> {
                     total.work += setup.walls.pressure_work(*x, self.at.nodes[i].value());
                 }
                 if let Some(push) = self.wall_push.get_mut(block * LANES + k) {
-                    *push += self.at.boundary_density(i, *x).1 * self.at.nodes[i].value() + by_bodies[k];
+                    *push += self.at.boundary_density(i, *x).1 * self.at.nodes[i].value();
+                    *push += self.at.samples.of(i).iter().map(|pair| pair.push.by_body).sum::<Vec3>();
                 }
                 *x = moved;
                 total.farthest2 = total.farthest2.max(displacement2);
@@ -87,9 +88,9 @@ impl NeighbourPass for CorrectionPass<'_> {
     }
 }
 
-/// Δp of up to eight particles with consecutive indices from `first`, whose positions are `p`, and the parts of it that rigid bodies take up.
+/// Δp of up to eight particles with consecutive indices from `first`, whose positions are `p`.
 #[inline(always)]
-fn corrections<L: Lanes, P: Pair>(at: &Chunk<'_>, first: usize, p: &[Vec3]) -> [[Vec3; LANES]; 2] {
+fn corrections<L: Lanes, P: Pair>(at: &Chunk<'_>, first: usize, p: &[Vec3]) -> [Vec3; LANES] {
     let zero = L::splat(0.0);
     let (mut delta, mut coincident) = ([[zero; LANES]; 3], [zero; LANES]);
     let mut padded = [0.0; LANES];
@@ -112,7 +113,7 @@ fn corrections<L: Lanes, P: Pair>(at: &Chunk<'_>, first: usize, p: &[Vec3]) -> [
     let [x, y, z] = [L::sums(&delta[0]), L::sums(&delta[1]), L::sums(&delta[2])];
     let coincident = L::sums(&coincident);
     let scale = at.setup.rest.gradient_scale;
-    let [mut deltas, mut by_bodies] = [[Vec3::zeros(); LANES]; 2];
+    let mut deltas = [Vec3::zeros(); LANES];
     for k in 0..p.len() {
         let i = first + k;
         let mut sum = -Vec3::new(x[k], y[k], z[k]);
@@ -124,11 +125,11 @@ fn corrections<L: Lanes, P: Pair>(at: &Chunk<'_>, first: usize, p: &[Vec3]) -> [
         if lambda != 0.0 {
             deltas[k] += at.boundary_density(i, p[k]).1 * lambda;
         }
-        let images = at.image_push(i);
-        deltas[k] += images.by_neighbours + images.by_body;
-        by_bodies[k] = images.by_body;
+        for pair in at.samples.of(i) {
+            deltas[k] += pair.push.by_neighbours + pair.push.by_body;
+        }
     }
-    [deltas, by_bodies]
+    deltas
 }
 
 /// Contribution of coincident neighbours to the sum of [`corrections`].

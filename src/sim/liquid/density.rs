@@ -9,7 +9,7 @@
 
 use super::{
     Constraint,
-    images::{BodySamples, ImageDensity, ImagePush},
+    images::BodySamples,
     lanes::{self, Node},
     pair::Pair,
     pass::NeighbourPass,
@@ -174,29 +174,6 @@ impl Chunk<'_> {
             self.samples.of_colliders(i).unwrap_or_else(|| self.setup.walls.boundary_density(x))
         }
     }
-
-    /// Density of the images at particle `i`.
-    #[inline]
-    pub(super) fn image_density(&self, i: usize) -> ImageDensity {
-        let mut sum = ImageDensity::default();
-        for pair in self.samples.of(i) {
-            sum.density += pair.image.density;
-            sum.gradient += pair.image.gradient;
-            sum.others2 += pair.image.others2;
-        }
-        sum
-    }
-
-    /// Displacement of particle `i` by its images.
-    #[inline]
-    pub(super) fn image_push(&self, i: usize) -> ImagePush {
-        let mut sum = ImagePush::default();
-        for pair in self.samples.of(i) {
-            sum.by_neighbours += pair.push.by_neighbours;
-            sum.by_body += pair.push.by_body;
-        }
-        sum
-    }
 }
 
 /// Evaluation of a chunk of constraints, with or without gradients.
@@ -355,11 +332,12 @@ fn densities<L: Lanes, P: Pair, const GRADIENTS: bool>(
     };
     let (mut boundary, mut of_images2) = ([(0.0, Vec3::zeros()); LANES], [0.0; LANES]);
     for k in 0..count {
-        let images = at.image_density(first + k);
         boundary[k] = at.boundary_density(first + k, at.nodes[first + k].vector() * rest.support);
-        boundary[k].0 += images.density;
-        boundary[k].1 += images.gradient;
-        of_images2[k] = images.others2;
+        for pair in at.samples.of(first + k) {
+            boundary[k].0 += pair.image.density;
+            boundary[k].1 += pair.image.gradient;
+            of_images2[k] += pair.image.others2;
+        }
         out.ratio[k] = rest.density_scale * (sums[k] + itself[k]) + boundary[k].0; // ρ_i/ρ₀, [pbf] Eq. 2
     }
     if GRADIENTS {

@@ -4,6 +4,7 @@
 //! own gradient. Everything is a function of q = r/h, so that no power of h leaves the range of single precision, and W is
 //! 1 at the centre.
 
+use super::params::Kernel;
 use crate::simd::Lanes;
 
 /// A pair of kernels. `slope` is s(q) in ∇_i W(x_i − x_j) ∝ −s(q) (x_i − x_j)/h.
@@ -48,5 +49,44 @@ impl Pair for Wendland {
     fn slope<L: Lanes>(q: L) -> L {
         let t = (L::splat(1.0) - q).positive_part();
         t * t * t
+    }
+}
+
+/// Density kernel and slope of the gradient kernel at q < 1, given q², of one pair of particles.
+#[inline]
+pub(super) fn kernel_and_slope(kernel: Kernel, q2: f32) -> (f32, f32) {
+    let q = q2.sqrt();
+    let t = 1.0 - q;
+    match kernel {
+        Kernel::Wendland => {
+            let t2 = t * t;
+            (t2 * t2 * (1.0 + 4.0 * q), t2 * t)
+        }
+        Kernel::Poly6Spiky => {
+            let w = 1.0 - q2;
+            (w * w * w, t * t / q.max(1e-12))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simd::ScalarLanes;
+
+    #[test]
+    fn one_pair_has_the_kernels_of_eight() {
+        fn of<P: Pair>(q: f32) -> (f32, f32) {
+            let [q, q2] = [q, q * q].map(ScalarLanes::splat);
+            (P::density(q2, q).to_array()[0], P::slope(q).to_array()[0])
+        }
+        for q in [0.0, 0.1, 0.5, 0.9] {
+            for (kernel, (w, s)) in
+                [(Kernel::Wendland, of::<Wendland>(q)), (Kernel::Poly6Spiky, of::<Poly6Spiky>(q))]
+            {
+                let (density, slope) = kernel_and_slope(kernel, q * q);
+                assert!((density - w).abs() < 1e-6 && (slope - s).abs() <= 1e-5 * s, "{kernel:?}, {q}");
+            }
+        }
     }
 }
