@@ -13,7 +13,8 @@
 //! Symbols: r'/h → q; m W(r')/ρ₀ → `density` [1]; m |∇W|/(r' ρ₀) → `slope` [1/m] for offsets over h; c → `weight`.
 
 use super::{calibration::RestState, pair::kernel_and_slope, walls::Mirror};
-use crate::{math::Vec3, space::Neighbours};
+use crate::{math::Vec3, par, space::Neighbours};
+use std::ops::Range;
 
 /// Mark of a particle that is not near a body.
 pub(super) const NO_PAIR: u32 = u32::MAX;
@@ -32,6 +33,11 @@ pub(super) struct Pair {
     pub(super) x: Vec3,
     /// The body's surface as the particle sees it.
     pub(super) mirror: Mirror,
+}
+
+/// What an iteration evaluates at a [`Pair`]; apart from it, as neighbours read that.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct PairSample {
     /// Density of the colliders there over ρ₀, and its gradient [1/m].
     pub(super) colliders: (f32, Vec3),
     /// Density of the particle's images there.
@@ -48,6 +54,57 @@ pub(super) struct BodySamples<'a> {
     /// Index of the first pair of each particle, or [`NO_PAIR`]; empty where nothing is sampled.
     pub(super) first_pair: &'a [u32],
     pub(super) pairs: &'a [Pair],
+    /// One for each pair.
+    pub(super) samples: &'a [PairSample],
+}
+
+/// For each pair, those of its particle's neighbours with the same body.
+#[derive(Debug, Default)]
+pub(super) struct ImageLists {
+    /// Those of pair k end at `ends[k]`, and start at the end of the pair before.
+    ends: Vec<u32>,
+    pairs: Vec<u32>,
+}
+
+impl ImageLists {
+    /// Finds the pairs among the neighbours.
+    pub(super) fn rebuild(&mut self, lists: &Neighbours, first_pair: &[u32], pairs: &[Pair]) {
+        let found = par::map_chunks(pairs.len(), par::CHUNK, |range| {
+            let (mut ends, mut list) = (Vec::with_capacity(range.len()), Vec::new());
+            for &Pair { particle, body, .. } in &pairs[range] {
+                let of_body = |&j: &u32| {
+                    let mut range = range_of(first_pair, pairs, j as usize);
+                    range.find(|&other| pairs[other].body == body).map(|other| other as u32)
+                };
+                list.extend(lists.of(particle as usize).iter().filter_map(of_body));
+                ends.push(list.len() as u32);
+            }
+            (ends, list)
+        });
+        self.ends.clear();
+        self.pairs.clear();
+        for (ends, list) in found {
+            let before = self.pairs.len() as u32;
+            self.ends.extend(ends.iter().map(|end| before + end));
+            self.pairs.extend(list);
+        }
+    }
+
+    /// Those of pair `k`.
+    #[inline]
+    fn of(&self, k: usize) -> &[u32] {
+        let start = if k == 0 { 0 } else { self.ends[k - 1] };
+        &self.pairs[start as usize..self.ends[k] as usize]
+    }
+}
+
+/// Indices of the pairs of particle `i`.
+#[inline]
+fn range_of(first_pair: &[u32], pairs: &[Pair], i: usize) -> Range<usize> {
+    let Some(&first) = first_pair.get(i).filter(|&&first| first != NO_PAIR) else { return 0..0 };
+    let first = first as usize;
+    let count = pairs[first..].iter().take_while(|pair| pair.particle as usize == i).count();
+    first..first + count
 }
 
 /// Density of the images at a particle.
@@ -80,35 +137,35 @@ fn real_slope(rest: &RestState, offset: Vec3) -> f32 {
 }
 
 impl<'a> BodySamples<'a> {
-    /// The pairs of particle `i`.
+    /// What the pairs of particle `i` have.
     #[inline]
-    pub(super) fn of(self, i: usize) -> &'a [Pair] {
-        let Some(&first) = self.first_pair.get(i).filter(|&&first| first != NO_PAIR) else { return &[] };
-        let from = &self.pairs[first as usize..];
-        let count = from.iter().take_while(|pair| pair.particle as usize == i).count();
-        &from[..count]
+    pub(super) fn of(self, i: usize) -> &'a [PairSample] {
+        &self.samples[range_of(self.first_pair, self.pairs, i)]
     }
 
     /// Density of all other solids at particle `i`, and its gradient [1/m], if it is near a rigid body.
     #[inline(always)]
     pub(super) fn of_colliders(self, i: usize) -> Option<(f32, Vec3)> {
         let &first = self.first_pair.get(i)?;
-        self.pairs.get(first as usize).map(|pair| pair.colliders)
+        self.samples.get(first as usize).map(|sample| sample.colliders)
     }
+}
 
-    /// Calls `term` with each neighbour whose image is near the particle of `pair`: its pair, x_i − x_j over h, kernel, and slope.
+/// The particles near rigid bodies and their images, in an iteration.
+#[derive(Clone, Copy)]
+pub(super) struct Images<'a> {
+    pub(super) rest: &'a RestState,
+    pub(super) pairs: &'a [Pair],
+    pub(super) lists: &'a ImageLists,
+}
+
+impl Images<'_> {
+    /// Calls `term` with each neighbour whose image is near the particle of pair `k`: its pair, x_i − x_j over h, kernel, and slope.
     #[inline]
-    fn for_each_image(
-        self,
-        rest: &RestState,
-        lists: &Neighbours,
-        pair: &Pair,
-        mut term: impl FnMut(&Pair, Vec3, f32, f32),
-    ) {
-        for &j in lists.of(pair.particle as usize) {
-            let Some(other) = self.of(j as usize).iter().find(|other| other.body == pair.body) else {
-                continue;
-            };
+    fn for_each(self, k: usize, mut term: impl FnMut(&Pair, Vec3, f32, f32)) {
+        let (rest, pair) = (self.rest, &self.pairs[k]);
+        for &other in self.lists.of(k) {
+            let other = &self.pairs[other as usize];
             if pair.mirror.normal.dot(&other.mirror.normal) < OPPOSITE {
                 continue;
             }
@@ -121,8 +178,9 @@ impl<'a> BodySamples<'a> {
         }
     }
 
-    /// Density of the images at the particle of `pair`.
-    pub(super) fn density(self, rest: &RestState, lists: &Neighbours, pair: &Pair) -> ImageDensity {
+    /// Density of the images at the particle of pair `k`.
+    pub(super) fn density(self, k: usize) -> ImageDensity {
+        let (rest, pair) = (self.rest, &self.pairs[k]);
         let own = &pair.mirror;
         let mut sum = ImageDensity::default();
         if let Some((w, s)) = own_image(rest, pair) {
@@ -133,7 +191,7 @@ impl<'a> BodySamples<'a> {
         sum.density += own.excess.0;
         sum.gradient += own.excess.1;
         sum.of_body[0] += own.excess.1;
-        self.for_each_image(rest, lists, pair, |other, offset, w, s| {
+        self.for_each(k, |other, offset, w, s| {
             let other = &other.mirror;
             let s = own.weight * other.weight * s;
             sum.density += own.weight * other.weight * w;
@@ -150,21 +208,16 @@ impl<'a> BodySamples<'a> {
         sum
     }
 
-    /// Displacement of the particle of `pair` by its images, with the changes of λ that `value` gives [m²].
-    pub(super) fn push(
-        self,
-        rest: &RestState,
-        lists: &Neighbours,
-        pair: &Pair,
-        value: impl Fn(u32) -> f32,
-    ) -> ImagePush {
+    /// Displacement of the particle of pair `k` by its images, with the changes of λ that `value` gives [m²].
+    pub(super) fn push(self, k: usize, value: impl Fn(u32) -> f32) -> ImagePush {
+        let pair = &self.pairs[k];
         let (own, lambda) = (&pair.mirror, value(pair.particle));
         let mut sum = ImagePush::default();
-        if let Some((w, s)) = own_image(rest, pair).filter(|_| lambda != 0.0) {
+        if let Some((w, s)) = own_image(self.rest, pair).filter(|_| lambda != 0.0) {
             sum.by_body = (own.slope * (2.0 * own.weight * w) - own.normal * s) * lambda;
         }
         sum.by_body += own.excess.1 * lambda;
-        self.for_each_image(rest, lists, pair, |other, offset, w, s| {
+        self.for_each(k, |other, offset, w, s| {
             let both = lambda + value(other.particle);
             if both != 0.0 {
                 let s = own.weight * other.mirror.weight * s;
@@ -241,11 +294,15 @@ mod tests {
         }
     }
 
+    fn images<'a>(solver: &'a Solver, rest: &'a RestState) -> Images<'a> {
+        Images { rest, pairs: &solver.rigid.pairs, lists: &solver.rigid.images }
+    }
+
     /// Sum over the particles of λ_i times the density of their images.
     fn weighted_density(solver: &Solver, rest: &RestState, lambda: impl Fn(u32) -> f32) -> f64 {
-        let samples = BodySamples { first_pair: &solver.rigid.first_pair, pairs: &solver.rigid.pairs };
-        let density = |pair: &Pair| samples.density(rest, &solver.lists, pair).density;
-        samples.pairs.iter().map(|pair| f64::from(lambda(pair.particle) * density(pair))).sum()
+        let images = images(solver, rest);
+        let density = |k: usize| images.density(k).density;
+        (0..images.pairs.len()).map(|k| f64::from(lambda(images.pairs[k].particle) * density(k))).sum()
     }
 
     /// A number from −0.5 to 0.5 for each `k`.
@@ -266,13 +323,14 @@ mod tests {
                 .filter(|x| shape.signed_distance(*x) > 0.3 * SPACING)
                 .collect();
             let (solver, _, rest) = at_body(shape.clone(), Vec3::zeros(), Kernel::Wendland, cloud.clone());
-            let samples = BodySamples { first_pair: &solver.rigid.first_pair, pairs: &solver.rigid.pairs };
-            let pushes: Vec<ImagePush> =
-                samples.pairs.iter().map(|pair| samples.push(&rest, &solver.lists, pair, lambda)).collect();
+            let images = images(&solver, &rest);
+            let pairs = images.pairs;
+            let push = |k: usize| images.push(k, lambda);
+            let pushes: Vec<ImagePush> = (0..pairs.len()).map(push).collect();
             let size = pushes.iter().map(|push| push.by_body.norm()).fold(0.0, f32::max);
             let step = 2e-3 * SPACING;
             for k in (0..pushes.len()).step_by(pushes.len() / 12) {
-                let i = samples.pairs[k].particle as usize;
+                let i = pairs[k].particle as usize;
                 for axis in 0..3 {
                     let moved = |by: f32| {
                         let mut p = cloud.clone();
@@ -291,19 +349,16 @@ mod tests {
             // Neighbours exchange momentum, and the body takes up what changes the density as it moves.
             let sum = |part: fn(&ImagePush) -> Vec3| pushes.iter().map(part).sum::<Vec3>();
             assert!(sum(|push| push.by_neighbours).norm() < 1e-4 * size * pushes.len() as f32);
+            let at_pairs = || pairs.iter().zip(&solver.rigid.samples);
             let of_body =
-                samples.pairs.iter().map(|pair| pair.image.of_body[0] * lambda(pair.particle)).sum::<Vec3>();
+                at_pairs().map(|(pair, own)| own.image.of_body[0] * lambda(pair.particle)).sum::<Vec3>();
             assert!((of_body - sum(|push| push.by_body)).norm() < 1e-4 * size * pushes.len() as f32);
-            let moment = |pair: &Pair| {
-                (pair.x.cross(&pair.image.of_body[0]) + pair.image.of_body[1]) * lambda(pair.particle)
+            let moment = |(pair, own): (&Pair, &PairSample)| {
+                (pair.x.cross(&own.image.of_body[0]) + own.image.of_body[1]) * lambda(pair.particle)
             };
-            let of_body_moment = samples.pairs.iter().map(moment).sum::<Vec3>();
-            let moments = samples
-                .pairs
-                .iter()
-                .zip(&pushes)
-                .map(|(pair, push)| pair.x.cross(&push.by_body))
-                .sum::<Vec3>();
+            let of_body_moment = at_pairs().map(moment).sum::<Vec3>();
+            let moments =
+                pairs.iter().zip(&pushes).map(|(pair, push)| pair.x.cross(&push.by_body)).sum::<Vec3>();
             assert!(
                 (of_body_moment - moments).norm() < 1e-5 * size * pushes.len() as f32,
                 "{of_body_moment}, {moments}"

@@ -14,7 +14,7 @@
 //! Limits: the particles at two bodies at once are solved for each of them separately.
 
 use super::{
-    images::{BodySamples, Pair},
+    images::{BodySamples, ImageLists, Pair, PairSample},
     rigid_system::{Lever, dot, lever, yield_to},
     walls::{ROUNDING, Walls},
 };
@@ -73,6 +73,10 @@ pub(super) struct RigidContact {
 pub(super) struct RigidSide {
     /// The particles near bodies, in ascending order.
     pub(super) pairs: Vec<Pair>,
+    /// What an iteration evaluates at each of them.
+    pub(super) samples: Vec<PairSample>,
+    /// The pairs of the neighbours of each of them.
+    pub(super) images: ImageLists,
     /// Index of the first pair of each particle, or [`NO_PAIR`]; empty without bodies.
     pub(super) first_pair: Vec<u32>,
     /// Whether the pairs have the surfaces at the current positions and poses.
@@ -145,7 +149,7 @@ impl RigidSide {
     /// What the particles near bodies see of them, as far as it is sampled, and the projections of the correction.
     pub(super) fn samples_and_projection(&mut self) -> (BodySamples<'_>, &mut Vec<Vec3>) {
         let first_pair = if self.is_sampled { &*self.first_pair } else { &[] };
-        (BodySamples { first_pair, pairs: &self.pairs }, &mut self.projection)
+        (BodySamples { first_pair, pairs: &self.pairs, samples: &self.samples }, &mut self.projection)
     }
 
     /// Keeps the velocities before a correction.
@@ -197,12 +201,12 @@ impl RigidSide {
         &mut self,
         bodies: &mut [RigidBody],
         scale: f64,
-        displacement: impl Fn(&Pair) -> Option<(Vec3, Vec3)> + Sync,
+        displacement: impl Fn(&Pair, &PairSample) -> Option<(Vec3, Vec3)> + Sync,
     ) {
-        let (pairs, all) = (&self.pairs, &*bodies);
+        let (pairs, samples, all) = (&self.pairs, &self.samples, &*bodies);
         let add = |k: usize, sums: &mut [Lever]| {
             let body = pairs[k].body as usize;
-            if let Some((x, displacement)) = displacement(&pairs[k]) {
+            if let Some((x, displacement)) = displacement(&pairs[k], &samples[k]) {
                 add_lever(&mut sums[body], &lever(&all[body], x, displacement));
             }
         };
@@ -251,7 +255,7 @@ impl RigidSide {
         scale: f64,
         force: impl Fn(usize) -> Option<(Vec3, Vec3, Vec3)> + Sync,
     ) {
-        self.react_to_pairs(bodies, scale, |&Pair { particle, body, .. }| {
+        self.react_to_pairs(bodies, scale, |&Pair { particle, body, .. }, _| {
             let (x, gradient, displacement) = force(particle as usize)?;
             let own = walls.rigid_gradient(body as usize, x);
             Some((x, displacement * (own.dot(&gradient) / gradient.norm_squared())))

@@ -2,8 +2,8 @@
 
 use super::{
     density::Multiplier,
-    images::{BodySamples, NO_PAIR, Pair},
-    rigid::sum_by_body,
+    images::{Images, NO_PAIR, Pair, PairSample},
+    rigid::{RigidSide, sum_by_body},
     rigid_system::{BodySystem, Lever, dot, lever},
     setup::SolverSetup,
     solve::Solver,
@@ -27,9 +27,9 @@ pub(super) struct YieldStep {
 }
 
 /// Linear and angular part of what a body takes up of the pressure of a particle.
-fn pair_lever(body: &RigidBody, pair: &Pair) -> Lever {
-    let [force, moment] = pair.image.of_body;
-    let mut lever = lever(body, pair.x, force);
+fn pair_lever(body: &RigidBody, x: Vec3, sample: &PairSample) -> Lever {
+    let [force, moment] = sample.image.of_body;
+    let mut lever = lever(body, x, force);
     (0..3).for_each(|axis| lever[3 + axis] += f64::from(moment[axis]));
     lever
 }
@@ -79,6 +79,10 @@ impl Solver {
                 self.clearance[particle as usize] -= margin;
             }
         }
+        let RigidSide { pairs, samples, images, first_pair, .. } = &mut self.rigid;
+        samples.clear();
+        samples.resize(pairs.len(), PairSample::default());
+        images.rebuild(&self.lists, first_pair, pairs);
         self.rigid.listed_at = walls.rigid_poses();
         (self.rigid.stale, self.rigid.is_sampled) = (false, false);
     }
@@ -96,31 +100,30 @@ impl Solver {
         if self.rigid.pairs.is_empty() {
             return;
         }
-        let Self { p, rigid, lists, .. } = self;
+        let Self { p, rigid, .. } = self;
         let walls = setup.walls;
-        par::update(&mut rigid.pairs, |_, pair| {
+        let RigidSide { pairs, samples, images: lists, .. } = rigid;
+        par::update(pairs, |_, pair| {
             pair.x = p[pair.particle as usize];
             pair.mirror = walls.mirror(pair.body as usize, pair.x);
-            pair.colliders = walls.collider_density(pair.x);
         });
-        let samples = BodySamples { first_pair: &rigid.first_pair, pairs: &rigid.pairs };
-        let image = |k: usize| samples.density(setup.rest, lists, &samples.pairs[k]);
-        let images = par::map(samples.pairs.len(), image);
-        par::update(&mut rigid.pairs, |k, pair| pair.image = images[k]);
+        let images = Images { rest: setup.rest, pairs, lists };
+        par::update(samples, |k, sample| {
+            sample.colliders = walls.collider_density(images.pairs[k].x);
+            sample.image = images.density(k);
+        });
         rigid.is_sampled = true;
     }
 
     /// Evaluates the displacements of the particles near rigid bodies by their images, for the next correction.
     pub(super) fn sample_image_pushes(&mut self, setup: &SolverSetup<'_>) {
-        let Self { rigid, nodes, lists, .. } = self;
+        let Self { rigid, nodes, .. } = self;
         if !rigid.is_sampled {
             return;
         }
-        let samples = BodySamples { first_pair: &rigid.first_pair, pairs: &rigid.pairs };
+        let images = Images { rest: setup.rest, pairs: &rigid.pairs, lists: &rigid.images };
         let value = |i: u32| nodes[i as usize].value();
-        let push = |k: usize| samples.push(setup.rest, lists, &samples.pairs[k], value);
-        let pushes = par::map(samples.pairs.len(), push);
-        par::update(&mut rigid.pairs, |k, pair| pair.push = pushes[k]);
+        par::update(&mut rigid.samples, |k, sample| sample.push = images.push(k, value));
     }
 
     /// Reduces the changes of pressure near bodies by what the bodies yield to them, before particles are moved.
@@ -129,24 +132,26 @@ impl Solver {
         let Self { rigid, multipliers, nodes, tensile_part, .. } = self;
         let lower_bound = |i: usize| smallest - tension * tensile_part[i];
         let Multiplier { lambda, applied, last, denominator } = &mut multipliers.0;
-        let (pairs, change, total, diagonal) = (&rigid.pairs, &*lambda, &*applied, &*denominator);
+        let RigidSide { pairs, samples, .. } = rigid;
+        let (change, total, diagonal) = (&*lambda, &*applied, &*denominator);
         let is_active = |i: usize| !is_accumulating || total[i] > lower_bound(i);
         let add = |k: usize, sums: &mut [BodySystem]| {
-            let Pair { particle, body, image, .. } = pairs[k];
+            let (Pair { particle, body, x, .. }, sample) = (pairs[k], &samples[k]);
             let (i, body) = (particle as usize, body as usize);
-            if image.of_body[0] != Vec3::zeros() && is_active(i) {
-                let lever = pair_lever(&bodies[body], &pairs[k]);
+            if sample.image.of_body[0] != Vec3::zeros() && is_active(i) {
+                let lever = pair_lever(&bodies[body], x, sample);
                 sums[body].add(&lever, f64::from(relaxation / diagonal[i]), -f64::from(change[i]));
             }
         };
         let systems = sum_by_body(pairs.len(), bodies.len(), &BodySystem::zero(), add, BodySystem::merge);
         let solve = |(system, body): (BodySystem, &RigidBody)| system.solve(body, mass);
         let yielded: Vec<Lever> = systems.into_iter().zip(bodies).map(solve).collect();
-        par::update(&mut rigid.pairs, |_, pair| {
-            let body = pair.body as usize;
-            pair.gives = dot(&pair_lever(&bodies[body], pair), &yielded[body]) as f32;
+        par::update(samples, |k, sample| {
+            let Pair { body, x, .. } = pairs[k];
+            let body = body as usize;
+            sample.gives = dot(&pair_lever(&bodies[body], x, sample), &yielded[body]) as f32;
         });
-        for &Pair { particle, gives, .. } in &rigid.pairs {
+        for (&Pair { particle, .. }, &PairSample { gives, .. }) in pairs.iter().zip(&*samples) {
             let i = particle as usize;
             if gives == 0.0 || (is_accumulating && applied[i] <= lower_bound(i)) {
                 continue;
@@ -168,7 +173,9 @@ impl Solver {
     pub(super) fn push_rigid_bodies(&mut self, walls: &Walls, bodies: &mut [RigidBody], units: [f64; 2]) {
         let Self { rigid, p, wall_push, .. } = self;
         rigid.discard_samples();
-        let push = |pair: &Pair| (pair.push.by_body != Vec3::zeros()).then_some((pair.x, pair.push.by_body));
+        let push = |pair: &Pair, PairSample { push, .. }: &PairSample| {
+            (push.by_body != Vec3::zeros()).then_some((pair.x, push.by_body))
+        };
         rigid.react_to_pairs(bodies, units[1], push);
         rigid.exchange_projections(walls, [p, wall_push], bodies, units);
     }
