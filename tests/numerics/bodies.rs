@@ -110,6 +110,26 @@ fn a_submerged_ball_rises_with_the_added_mass_of_potential_flow() {
 }
 
 #[test]
+#[ignore = "long: tools/soak/run"]
+fn bodies_of_the_liquids_density_neither_rise_nor_sink() {
+    for (half, spacing) in [(0.06_f32, 0.02_f32), (0.064, 0.016), (0.0625, 0.0125)] {
+        for shape in [cuboid([half; 3]), Shape::Sphere { center: [0.0; 3], radius: half }] {
+            let drift = |ratio: f32| {
+                let side = 28.0 * spacing;
+                let body = at(shape.clone(), 1000.0 * ratio, [0.5 * side; 3]);
+                let mut simulation = tank(side, side, spacing, "kernel_radius = 2.5", vec![body]);
+                advance(&mut simulation, 18);
+                let before = bodies(&simulation, "position")[0].z;
+                advance(&mut simulation, 18);
+                bodies(&simulation, "position")[0].z - before
+            };
+            let [light, heavy] = [0.99, 1.01].map(drift);
+            assert!(light > 0.0 && heavy < 0.0, "{shape:?} at {spacing}: {light}, {heavy} m");
+        }
+    }
+}
+
+#[test]
 fn momentum_of_liquid_and_bodies_is_conserved() {
     let text = "spacing = 0.02\nsurface_tension = { coefficient = 1.0 }\n[[source]]\nvelocity = [0.1, 0, 0]\n\
         shape = { sphere = { center = [0, 0, 0], radius = 0.14 } }";

@@ -273,9 +273,10 @@ mod tests {
         Shape::Box { min: [-half; 3], max: [half; 3] }
     }
 
-    /// Particles on a cubic lattice above z = 0, the first layer at half a spacing.
+    /// Particles on a cubic lattice above z = 0, the first layer at half a spacing from the plane of mirroring, which is 0.026 spacings deep.
     fn layers() -> Vec<Vec3> {
-        let place = |k: u32| Vec3::new((k % 9) as f32 - 4.0, (k / 9 % 9) as f32 - 4.0, (k / 81) as f32 + 0.5);
+        let place =
+            |k: u32| Vec3::new((k % 9) as f32 - 4.0, (k / 9 % 9) as f32 - 4.0, (k / 81) as f32 + 0.474);
         (0..729).map(|k| place(k) * SPACING).collect()
     }
 

@@ -11,6 +11,11 @@ use crate::{
 /// Contact distance between particles and rigid bodies [spacings]: the layer of particles is held by its images, and must be free to thin out.
 const RIGID_CONTACT: f32 = 0.25;
 
+/// Depth of the plane of mirroring below the surface of a body [spacings]. Particles that have moved are less ordered than where they were seeded, and
+/// their images at the surface too dense by 2 % of a box of 8 spacings; with this depth bodies of the density of the liquid stay where they are
+/// (docs/decisions/048).
+const MIRROR_DEPTH: f32 = 0.026;
+
 /// Density over that of the liquid below which bodies have the contact distance of colliders. The pressure of images falls with the distance below
 /// 0.4 spacings, from which on the inertia of a body must keep it: bodies of 0.008 fly off, of 0.02 do not.
 const LIGHT_BODY: f64 = 0.05;
@@ -103,8 +108,8 @@ impl Walls {
         let (share, falls) = self.body_density(body, x, 0.0);
         let of_half_space = self.half_space_density(d, 0.0) + SMALLEST_DENSITY;
         let falls_of_half_space = normal * self.half_space_slope(d);
-        let mut mirror =
-            Mirror { distance: d.max(0.0) * self.inv_support, normal, weight: 1.0, ..Mirror::default() };
+        let distance = (d.max(0.0) + MIRROR_DEPTH * self.rest.spacing) * self.inv_support;
+        let mut mirror = Mirror { distance, normal, weight: 1.0, ..Mirror::default() };
         let squared = (share + SMALLEST_DENSITY) / of_half_space;
         if squared < 1.0 {
             mirror.weight = squared.sqrt();
