@@ -77,7 +77,7 @@ impl NeighbourPass for CorrectionPass<'_> {
                 }
                 if let Some(push) = self.wall_push.get_mut(block * LANES + k) {
                     *push += self.at.boundary_density(i, *x).1 * self.at.nodes[i].value();
-                    *push += self.at.samples.of(i).iter().map(|pair| pair.push.by_body).sum::<Vec3>();
+                    *push += self.at.samples.of(i).iter().map(|sample| sample.push.by_body).sum::<Vec3>();
                 }
                 *x = moved;
                 total.farthest2 = total.farthest2.max(displacement2);
@@ -125,8 +125,8 @@ fn corrections<L: Lanes, P: Pair>(at: &Chunk<'_>, first: usize, p: &[Vec3]) -> [
         if lambda != 0.0 {
             deltas[k] += at.boundary_density(i, p[k]).1 * lambda;
         }
-        for pair in at.samples.of(i) {
-            deltas[k] += pair.push.by_neighbours + pair.push.by_body;
+        for sample in at.samples.of(i) {
+            deltas[k] += sample.push.by_neighbours + sample.push.by_body;
         }
     }
     deltas

@@ -333,10 +333,10 @@ fn densities<L: Lanes, P: Pair, const GRADIENTS: bool>(
     let (mut boundary, mut of_images2) = ([(0.0, Vec3::zeros()); LANES], [0.0; LANES]);
     for k in 0..count {
         boundary[k] = at.boundary_density(first + k, at.nodes[first + k].vector() * rest.support);
-        for pair in at.samples.of(first + k) {
-            boundary[k].0 += pair.image.density;
-            boundary[k].1 += pair.image.gradient;
-            of_images2[k] += pair.image.others2;
+        for sample in at.samples.of(first + k) {
+            boundary[k].0 += sample.image.density;
+            boundary[k].1 += sample.image.gradient;
+            of_images2[k] += sample.image.others2;
         }
         out.ratio[k] = rest.density_scale * (sums[k] + itself[k]) + boundary[k].0; // ρ_i/ρ₀, [pbf] Eq. 2
     }

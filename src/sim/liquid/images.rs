@@ -1,12 +1,12 @@
 //! Images of particles in rigid bodies: the density that a body contributes to the liquid, and the forces that follow from it.
 //!
-//! *Method*: the method of images for a smooth wall. Particles at the distances d_i and d_j from a surface are r apart, and the image of
-//! one behind the surface is r' = √(r² + 4 d_i d_j) from the other, which is exact at planes, and the same for both, so that density and
+//! *Method*: the method of images for a smooth wall. Particles at the distances d_i and d_j from a plane of mirroring are r apart, and the image of
+//! one behind it is r' = √(r² + 4 d_i d_j) from the other, which is exact at planes, and the same for both, so that density and
 //! forces derive from one energy: momentum is exact, and a body that comes to rest leaves the liquid at rest. An image moves along the surface with its particle.
 //! The density of a solid that does not change where the liquid at it thins out holds the first layer of particles together, and this moves along with
 //! the body (docs/decisions/048). Weights c_i c_j with c² the density of the body over that of a half space as near account for curvature,
 //! edges and thin parts (`walls/rigid.rs`).
-//! *Departs from* mirrored ghost particles ([schechter12]): none are made.
+//! *Departs from* mirrored ghost particles ([schechter12]): none are made, and the plane is a little below the surface (`walls/rigid.rs`).
 //!
 //! The displacement of particle i by its images splits into one along x_i − x_j, which is opposite to that of j, and one along the normal
 //! and the slope of the weight, which the body takes up at x_i.
@@ -20,9 +20,9 @@ use std::ops::Range;
 pub(super) const NO_PAIR: u32 = u32::MAX;
 
 /// Cosine between the normals of two particles below which they are on opposite sides of a thin body, where neither has an image for the other.
-/// It is off 0, which the normals at two faces of a box have: with 0 as the limit liquid at rest around a floating box takes 27 to 40 iterations a
+/// It is off 0 and −0.5, which the normals at faces of boxes and prisms have: with 0 as the limit liquid at rest around a floating box takes 27 to 40 iterations a
 /// substep in place of 18.
-const OPPOSITE: f32 = -0.5;
+const OPPOSITE: f32 = -0.65;
 
 /// A particle near a rigid body.
 #[derive(Clone, Copy, Debug, Default)]
@@ -35,7 +35,7 @@ pub(super) struct Pair {
     pub(super) mirror: Mirror,
 }
 
-/// What an iteration evaluates at a [`Pair`]; apart from it, as neighbours read that.
+/// Results of an iteration at a [`Pair`], stored separately because neighbours read only the geometry.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct PairSample {
     /// Density of the colliders there over ρ₀, and its gradient [1/m].
@@ -44,7 +44,7 @@ pub(super) struct PairSample {
     pub(super) image: ImageDensity,
     /// Displacement of the particle by its images in the last correction.
     pub(super) push: ImagePush,
-    /// What the body yields along that gradient.
+    /// What the body yields along the gradient of that density.
     pub(super) gives: f32,
 }
 
@@ -58,18 +58,22 @@ pub(super) struct BodySamples<'a> {
     pub(super) samples: &'a [PairSample],
 }
 
-/// For each pair, those of its particle's neighbours with the same body.
+/// For each pair, the pairs of its particle's neighbours with the same body.
 #[derive(Debug, Default)]
-pub(super) struct ImageLists {
-    /// Those of pair k end at `ends[k]`, and start at the end of the pair before.
+pub(super) struct ImageLists(Vec<ImageChunk>);
+
+/// The lists of up to [`par::CHUNK`] pairs.
+#[derive(Debug)]
+struct ImageChunk {
+    /// The list of the chunk's pair k ends at `ends[k]`, and starts at the end of the one before.
     ends: Vec<u32>,
-    pairs: Vec<u32>,
+    list: Vec<u32>,
 }
 
 impl ImageLists {
     /// Finds the pairs among the neighbours.
     pub(super) fn rebuild(&mut self, lists: &Neighbours, first_pair: &[u32], pairs: &[Pair]) {
-        let found = par::map_chunks(pairs.len(), par::CHUNK, |range| {
+        self.0 = par::map_chunks(pairs.len(), par::CHUNK, |range| {
             let (mut ends, mut list) = (Vec::with_capacity(range.len()), Vec::new());
             for &Pair { particle, body, .. } in &pairs[range] {
                 let of_body = |&j: &u32| {
@@ -79,22 +83,18 @@ impl ImageLists {
                 list.extend(lists.of(particle as usize).iter().filter_map(of_body));
                 ends.push(list.len() as u32);
             }
-            (ends, list)
+            list.shrink_to_fit();
+            ImageChunk { ends, list }
         });
-        self.ends.clear();
-        self.pairs.clear();
-        for (ends, list) in found {
-            let before = self.pairs.len() as u32;
-            self.ends.extend(ends.iter().map(|end| before + end));
-            self.pairs.extend(list);
-        }
     }
 
-    /// Those of pair `k`.
+    /// The list of pair `k`.
     #[inline]
     fn of(&self, k: usize) -> &[u32] {
-        let start = if k == 0 { 0 } else { self.ends[k - 1] };
-        &self.pairs[start as usize..self.ends[k] as usize]
+        let ImageChunk { ends, list } = &self.0[k / par::CHUNK];
+        let k = k % par::CHUNK;
+        let start = if k == 0 { 0 } else { ends[k - 1] };
+        &list[start as usize..ends[k] as usize]
     }
 }
 
@@ -137,7 +137,7 @@ fn real_slope(rest: &RestState, offset: Vec3) -> f32 {
 }
 
 impl<'a> BodySamples<'a> {
-    /// What the pairs of particle `i` have.
+    /// Samples at the pairs of particle `i`.
     #[inline]
     pub(super) fn of(self, i: usize) -> &'a [PairSample] {
         &self.samples[range_of(self.first_pair, self.pairs, i)]
@@ -253,11 +253,10 @@ mod tests {
     const SPACING: f32 = 0.02;
 
     /// A solver whose lists are those of `p`, and a rigid body at `place`.
-    fn at_body(shape: Shape, place: Vec3, kernel: Kernel, p: Vec<Vec3>) -> (Solver, Walls, RestState) {
+    fn at_body(shape: Shape, pose: Pose, kernel: Kernel, p: Vec<Vec3>) -> (Solver, Walls, RestState) {
         let rest = RestState::new(kernel, SPACING, 2.5);
         let mut walls = Walls::new(&[], &rest);
         walls.add_rigid_bodies(&[Solid::fixed(shape)], |_| 1.0);
-        let pose = Pose { position: place, ..Pose::identity() };
         walls.set_rigid_bodies([[pose, pose]].into_iter());
         let mut solver = Solver::default();
         solver.p = p;
@@ -267,6 +266,10 @@ mod tests {
         solver.build_lists(&setup);
         solver.sample_rigid_pairs(&setup);
         (solver, walls, rest)
+    }
+
+    fn at(position: Vec3) -> Pose {
+        Pose { position, ..Pose::identity() }
     }
 
     fn cuboid(half: f32) -> Shape {
@@ -284,7 +287,7 @@ mod tests {
     fn the_density_at_a_flat_face_is_that_inside_the_liquid() {
         for kernel in [Kernel::Wendland, Kernel::Poly6Spiky] {
             let half = 0.5;
-            let (mut solver, walls, rest) = at_body(cuboid(half), Vec3::z() * -half, kernel, layers());
+            let (mut solver, walls, rest) = at_body(cuboid(half), at(Vec3::z() * -half), kernel, layers());
             let setup =
                 SolverSetup { rest: &rest, walls: &walls, constraint: Constraint::Equality, softening: 0.0 };
             solver.measure(&setup);
@@ -311,19 +314,40 @@ mod tests {
         (k.wrapping_mul(2_654_435_761) >> 16) as f32 / 65536.0 - 0.5
     }
 
+    /// Disordered particles around a shape.
+    fn cloud_around(shape: &Shape) -> Vec<Vec3> {
+        let place = |k: u32| {
+            let cell = Vec3::new((k % 11) as f32, (k / 11 % 11) as f32, (k / 121) as f32);
+            let shift = Vec3::new(noise(3 * k), noise(3 * k + 1), noise(3 * k + 2)) * 0.4;
+            (cell - Vec3::repeat(5.0) + shift) * SPACING
+        };
+        (0..1331).map(place).filter(|x| shape.signed_distance(*x) > 0.3 * SPACING).collect()
+    }
+
+    #[test]
+    fn densities_at_edges_do_not_depend_on_rounding() {
+        let (shape, kernel) = (cuboid(0.05), Kernel::Wendland);
+        let cloud = cloud_around(&shape);
+        let turned = |angle: f32| -> Vec<f32> {
+            let rotation = *nalgebra::Rotation3::from_euler_angles(angle, 2.0 * angle, 3.0 * angle).matrix();
+            let pose = Pose { rotation, ..Pose::identity() };
+            let p = cloud.iter().map(|x| pose.to_world(*x)).collect();
+            at_body(shape.clone(), pose, kernel, p).0.rigid.samples.iter().map(|s| s.image.density).collect()
+        };
+        let expected = turned(0.0);
+        for angle in [0.1, 0.2, 0.3, 0.4] {
+            for (density, expected) in turned(angle).iter().zip(&expected) {
+                assert!((density - expected).abs() < 1e-3, "{density} turned by {angle}, {expected} else");
+            }
+        }
+    }
+
     #[test]
     fn pushes_are_the_gradients_of_the_density_and_bodies_take_up_the_rest() {
         let lambda = |i: u32| 1.0 + noise(7 * i);
         for shape in [cuboid(0.05), Shape::Sphere { center: [0.0; 3], radius: 0.06 }] {
-            let cloud: Vec<Vec3> = (0..1331_u32)
-                .map(|k| {
-                    let cell = Vec3::new((k % 11) as f32, (k / 11 % 11) as f32, (k / 121) as f32);
-                    let shift = Vec3::new(noise(3 * k), noise(3 * k + 1), noise(3 * k + 2)) * 0.4;
-                    (cell - Vec3::repeat(5.0) + shift) * SPACING
-                })
-                .filter(|x| shape.signed_distance(*x) > 0.3 * SPACING)
-                .collect();
-            let (solver, _, rest) = at_body(shape.clone(), Vec3::zeros(), Kernel::Wendland, cloud.clone());
+            let cloud = cloud_around(&shape);
+            let (solver, _, rest) = at_body(shape.clone(), Pose::identity(), Kernel::Wendland, cloud.clone());
             let images = images(&solver, &rest);
             let pairs = images.pairs;
             let push = |k: usize| images.push(k, lambda);
@@ -336,7 +360,7 @@ mod tests {
                     let moved = |by: f32| {
                         let mut p = cloud.clone();
                         p[i][axis] += by;
-                        let (solver, _, rest) = at_body(shape.clone(), Vec3::zeros(), Kernel::Wendland, p);
+                        let (solver, _, rest) = at_body(shape.clone(), Pose::identity(), Kernel::Wendland, p);
                         weighted_density(&solver, &rest, lambda)
                     };
                     let slope = (moved(step) - moved(-step)) / f64::from(2.0 * step);
@@ -366,7 +390,7 @@ mod tests {
             );
             let at = |x: f32| {
                 let (solver, _, rest) =
-                    at_body(shape.clone(), Vec3::x() * x, Kernel::Wendland, cloud.clone());
+                    at_body(shape.clone(), at(Vec3::x() * x), Kernel::Wendland, cloud.clone());
                 weighted_density(&solver, &rest, lambda)
             };
             let slope = (at(-step) - at(step)) / f64::from(2.0 * step);

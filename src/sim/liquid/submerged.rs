@@ -12,7 +12,7 @@ use crate::{
 
 /// Support of the kernel in spacings from which on bodies move through liquid that rests in its rows. With 2, a ball of twice the
 /// density of viscous liquid slows down until it stays; with 2.2 it sinks at 0.9 of its speed with 2.5. In water a ball of half the density and 4
-/// spacings of radius rises by 0.3 of the distance in theory with 2, and by 0.85 of it with 2.2.
+/// spacings of radius rises by 0.2 of the distance in theory with 2, and by 0.75 of it with 2.2.
 pub(super) const FREE_KERNEL_RADIUS: f32 = 2.2;
 
 /// Inner radius in spacings from which on a body is not named.

@@ -1,6 +1,6 @@
 //! Coulomb friction and restitution of solids.
 //!
-//! *Method*: a solid pushes a particle with its boundary density, its share of the surface tension and by projection. The
+//! *Method*: a solid pushes a particle with its boundary density or images, its share of the surface tension and by projection. The
 //! sum of these displacements over a substep, along the solid's normal and over Δt, is the normal impulse per mass J. Friction removes at most μ J of the
 //! tangential velocity relative to the surface, and never reverses it (Coulomb's law, with one coefficient at rest and in
 //! motion). As in the position-based friction of [macklin14] the particle is moved back too, or it would creep down a slope with

@@ -1,4 +1,5 @@
-//! Boundary handling: collisions with solids, and the density that they contribute (`boundary_density.rs`).
+//! Boundary handling: collisions with solids, and the density that they contribute: colliders by an integral (`boundary_density.rs`), rigid bodies by
+//! images of the particles (`rigid.rs`, `../images.rs`).
 //!
 //! *Method*: contact by projection along the outward normal, within the solver's iteration ([pbf] Algorithm 1, line 14). A
 //! moving solid has its position at the end of the substep. Velocities follow from positions, so a particle takes on the
@@ -21,7 +22,7 @@ mod wetting;
 
 pub(super) use friction::{PushedParticle, ROUNDING};
 pub(super) use no_slip::{Resistance, WallDrag};
-pub(super) use rigid::Mirror;
+pub(super) use rigid::{Mirror, RIGID_CONTACT};
 pub(super) use wetting::Wetting;
 
 use super::{calibration::RestState, density_map};
@@ -34,7 +35,7 @@ use deforming::Deforming;
 use surface::Surface;
 
 /// Contact distance between particles and colliders [spacings].
-const CONTACT: f32 = 0.5;
+pub(super) const CONTACT: f32 = 0.5;
 
 /// Most iterations that project a particle out of all solids; after them remaining contacts are counted.
 const MAX_PROJECTION_ITERATIONS: usize = 12;

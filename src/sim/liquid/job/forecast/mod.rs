@@ -42,9 +42,12 @@ const FRICTION_BYTES: f64 = 24.0;
 /// Microrotation and buffers of its exchange [bytes/particle].
 const MICROPOLAR_BYTES: f64 = 64.0;
 
-/// Projections by solids, pairs of particles and rigid bodies, of which the lists exist twice while they are found, and densities of images
+/// Projections by solids, and pairs of particles and rigid bodies with what is evaluated at them; pairs exist twice while they are found
 /// [bytes/particle].
-const BODY_BYTES: f64 = 12.0 + 4.0 + 2.0 * 156.0 + 44.0;
+const BODY_BYTES: f64 = 12.0 + 4.0 + 2.0 * 68.0 + 88.0 + 4.0;
+
+/// Lists of images, 21 at a flat face, which exist twice while they are found [bytes/particle]: they grow with the volume of the kernel.
+const IMAGE_LIST_BYTES: f64 = 2.0 * 21.0 * 4.0;
 
 /// Viscous drag between particles and rigid bodies, of which the list exists twice while it is assembled [bytes/particle].
 const VISCOUS_BODY_BYTES: f64 = 4.0 + 2.0 * 44.0;
@@ -57,7 +60,8 @@ const MIN_UNCERTAINTY: f64 = 0.25;
 
 /// Memory of so many particles [bytes].
 pub(super) fn memory(scene: &Scene, liquid: &LiquidParams, particles: f64) -> f64 {
-    let neighbors = NEIGHBOR_BYTES * (f64::from(liquid.kernel_radius) / 2.0).powi(3);
+    let kernel_volume = (f64::from(liquid.kernel_radius) / 2.0).powi(3);
+    let neighbors = NEIGHBOR_BYTES * kernel_volume;
     let viscosity = if liquid.viscosity.is_some() { VISCOSITY_BYTES } else { 0.0 };
     let tension = if liquid.surface_tension.is_some() { TENSION_BYTES } else { 0.0 };
     let micropolar = if liquid.micropolar.is_some() { MICROPOLAR_BYTES } else { 0.0 };
@@ -65,7 +69,7 @@ pub(super) fn memory(scene: &Scene, liquid: &LiquidParams, particles: f64) -> f6
         || scene.body.iter().any(|body| body.liquid_friction.is_some());
     let friction = if rough { FRICTION_BYTES } else { 0.0 };
     let forces = if scene.force.is_empty() { 0.0 } else { FORCE_BYTES };
-    let bodies = if scene.body.is_empty() { 0.0 } else { BODY_BYTES };
+    let bodies = if scene.body.is_empty() { 0.0 } else { BODY_BYTES + IMAGE_LIST_BYTES * kernel_volume };
     let has_viscous_bodies = liquid.viscosity.is_some() && !scene.body.is_empty();
     let viscous_bodies = if has_viscous_bodies { VISCOUS_BODY_BYTES } else { 0.0 };
     let terms = viscosity + tension + micropolar + friction + forces + bodies + viscous_bodies;
