@@ -20,8 +20,8 @@ use std::ops::Range;
 pub(super) const NO_PAIR: u32 = u32::MAX;
 
 /// Cosine between the normals of two particles below which they are on opposite sides of a thin body, where neither has an image for the other.
-/// It is off 0 and −0.5, which the normals at faces of boxes and prisms have: with 0 as the limit liquid at rest around a floating box takes 27 to 40 iterations a
-/// substep in place of 18.
+/// It is off 0 and −0.5, which the normals at faces of boxes and prisms have: with 0 as the limit liquid at rest around a floating box takes 27 to
+/// 40 iterations a substep in place of 18.
 const OPPOSITE: f32 = -0.65;
 
 /// A particle near a rigid body.

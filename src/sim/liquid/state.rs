@@ -16,7 +16,7 @@ use super::{
     surface_tension::Tension,
     viscosity::ViscositySolver,
     vorticity::Confinement,
-    walls::{CONTACT, RIGID_CONTACT, Walls},
+    walls::Walls,
 };
 use crate::{
     frame::{Stream, StreamKind},
@@ -33,11 +33,10 @@ const EDDY_DISSIPATION: f64 = 0.5;
 /// Name of the channel of the microrotation.
 const MICROROTATION: &str = "microrotation";
 
-/// The solids that are thinner than the kernel reaches between particles in contact with both of their sides.
+/// The solids that are thinner than the kernel reaches between particles half a spacing from both of their sides.
 fn thin_solids(rest: &RestState, colliders: &[Solid], bodies: &[Solid]) -> Vec<ThinSolid> {
+    let sufficient = rest.support - rest.spacing;
     let thin = |solids: &[Solid], is_body: bool| {
-        let contact = if is_body { RIGID_CONTACT } else { CONTACT };
-        let sufficient = rest.support - 2.0 * contact * rest.spacing;
         let thickness =
             solids.iter().map(|solid| 2.0 * solid.shape.inner_radius() * solid.scales()[0]).enumerate();
         let thin = thickness.filter(|&(_, thickness)| thickness < 0.999 * sufficient);
@@ -268,20 +267,13 @@ mod tests {
         let tank = Shape::Tank { min: [0.0; 3], max: [1.0; 3] };
         let shapes = [tank, plate(0.15), plate(0.05), ball(0.08), ball(0.04)];
         let world = World { gravity: Vec3::zeros(), solids: shapes.map(Solid::fixed).into() };
-        // Particles are up to half a spacing from either side of a collider, and a quarter of a body.
+        // Particles rest half a spacing from either side, so that h less a spacing separates them.
         let rest = RestState::new(Kernel::Wendland, 0.1, 2.5);
-        let thin = thin_solids(&rest, &world.solids, &world.solids[1..4]);
+        let thin = thin_solids(&rest, &world.solids, &world.solids[1..3]);
         let listed: Vec<_> =
             thin.iter().map(|solid| (solid.index, solid.is_body, solid.thickness as f32)).collect();
-        assert_eq!(
-            listed,
-            [(2, false, 0.05), (4, false, 0.08), (0, true, 0.15), (1, true, 0.05), (2, true, 0.16)]
-        );
-        let sufficient = |solid: &ThinSolid| if solid.is_body { 0.2 } else { 0.15 };
-        assert!(
-            thin.iter().all(|solid| (solid.sufficient_thickness - sufficient(solid)).abs() < 1e-6),
-            "{thin:?}"
-        );
+        assert_eq!(listed, [(2, false, 0.05), (4, false, 0.08), (1, true, 0.05)]);
+        assert!(thin.iter().all(|solid| (solid.sufficient_thickness - 0.15).abs() < 1e-6), "{thin:?}");
     }
 
     #[test]

@@ -101,7 +101,7 @@ fn thin_solid_warning(solid: &ThinSolid) -> String {
     let ThinSolid { is_body, thickness, sufficient_thickness, .. } = *solid;
     let (thickness, sufficient) = (figure(thickness, 2), figure(sufficient_thickness, 2));
     let (effect, purpose) = match is_body {
-        true => ("it hardly displaces liquid", "For it to float"),
+        true => ("it stays below the surface", "For it to float"),
         false => ("liquid on one side acts on liquid on the other", "If it separates liquids"),
     };
     let key = key_of(solid);
@@ -365,7 +365,7 @@ mod tests {
         assert_eq!(
             seeding_warnings(&seeds),
             [
-                "body.8 is 0.004 m thick: it hardly displaces liquid. For it to float, make it at least 0.02 m thick, or lower liquid.spacing"
+                "body.8 is 0.004 m thick: it stays below the surface. For it to float, make it at least 0.02 m thick, or lower liquid.spacing"
             ]
         );
     }

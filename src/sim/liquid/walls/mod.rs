@@ -22,7 +22,7 @@ mod wetting;
 
 pub(super) use friction::{PushedParticle, ROUNDING};
 pub(super) use no_slip::{Resistance, WallDrag};
-pub(super) use rigid::{Mirror, RIGID_CONTACT};
+pub(super) use rigid::Mirror;
 pub(super) use wetting::Wetting;
 
 use super::{calibration::RestState, density_map};
@@ -35,7 +35,7 @@ use deforming::Deforming;
 use surface::Surface;
 
 /// Contact distance between particles and colliders [spacings].
-pub(super) const CONTACT: f32 = 0.5;
+const CONTACT: f32 = 0.5;
 
 /// Most iterations that project a particle out of all solids; after them remaining contacts are counted.
 const MAX_PROJECTION_ITERATIONS: usize = 12;

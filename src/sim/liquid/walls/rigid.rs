@@ -9,7 +9,7 @@ use crate::{
 };
 
 /// Contact distance between particles and rigid bodies [spacings]: the layer of particles is held by its images, and must be free to thin out.
-pub(in crate::sim::liquid) const RIGID_CONTACT: f32 = 0.25;
+const RIGID_CONTACT: f32 = 0.25;
 
 /// Depth of the plane of mirroring below the surface of a body [spacings]. Particles that have moved are less ordered than where they were seeded, and
 /// their images in the surface too dense. If it is smaller, bodies displace more than their volume, at 0 by 2 % at 6 to 10 spacings; if it is larger,
