@@ -140,3 +140,10 @@ pub mod untrusted;
 fn is_soak() -> bool {
     std::env::var_os("MENISCUS_SOAK").is_some()
 }
+
+/// A table of a preset as the program reads it: by way of its JSON, so that the tests compile no reader of TOML for each type.
+#[cfg(test)]
+fn from_toml<T: serde::de::DeserializeOwned>(text: &str) -> T {
+    let table: serde_json::Value = toml::from_str(text).unwrap_or_else(|error| panic!("{error}\n{text}"));
+    serde_json::from_value(table).unwrap_or_else(|error| panic!("{error}\n{text}"))
+}

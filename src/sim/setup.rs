@@ -124,8 +124,8 @@ mod tests {
     #[test]
     fn parameters_of_a_spacing_have_the_defaults_of_presets() {
         let liquid = LiquidParams { density_dev: None, ..LiquidParams::new(0.1) };
-        assert_eq!(liquid, toml::from_str("spacing = 0.1").unwrap());
-        assert_eq!(SmokeParams::new(0.1), toml::from_str("spacing = 0.1").unwrap());
-        assert_eq!(Remesh::of(0.1), toml::from_str("spacing = 0.1").unwrap());
+        assert_eq!(liquid, crate::from_toml("spacing = 0.1"));
+        assert_eq!(SmokeParams::new(0.1), crate::from_toml("spacing = 0.1"));
+        assert_eq!(Remesh::of(0.1), crate::from_toml("spacing = 0.1"));
     }
 }

@@ -31,7 +31,7 @@ fn tank(side: f32, depth: f32, spacing: f32, terms: &str, bodies: Vec<BodyParams
     let text = format!(
         "spacing = {spacing}\n{terms}\n[[source]]\nshape = {{ box = {{ min = [0, 0, 0], max = [{side}, {side}, {depth}] }} }}"
     );
-    let liquid: LiquidParams = toml::from_str(&text).unwrap_or_else(|error| panic!("{error}"));
+    let liquid: LiquidParams = crate::from_toml(&text);
     let walls = Shape::Tank { min: [0.0; 3], max: [side, side, 3.0 * side] };
     let world = World { gravity: Vec3::new(0.0, 0.0, -G), solids: vec![Solid::fixed(walls)] };
     Simulation::new(world, Systems { liquid: Some(liquid), bodies, ..Systems::default() }).expect("it starts")
@@ -133,7 +133,7 @@ fn bodies_of_the_liquids_density_neither_rise_nor_sink() {
 fn momentum_of_liquid_and_bodies_is_conserved() {
     let text = "spacing = 0.02\nsurface_tension = { coefficient = 1.0 }\n[[source]]\nvelocity = [0.1, 0, 0]\n\
         shape = { sphere = { center = [0, 0, 0], radius = 0.14 } }";
-    let liquid: LiquidParams = toml::from_str(text).unwrap_or_else(|error| panic!("{error}"));
+    let liquid: LiquidParams = crate::from_toml(text);
     // One inside the liquid, and one that hits it from outside and carries on in it.
     let inside = BodyParams {
         velocity: [-0.4, 0.3, 0.0],
@@ -222,7 +222,7 @@ fn the_state_has_the_same_bits_at_any_number_of_threads_and_after_a_restart() {
         let walls = Shape::Tank { min: [0.0; 3], max: [0.4, 0.4, 1.2] };
         let world = World { gravity: Vec3::new(0.0, 0.0, -G), solids: vec![Solid::fixed(walls)] };
         let text = format!("spacing = 0.02\n{terms}");
-        let liquid: LiquidParams = toml::from_str(&text).expect("it has a spacing");
+        let liquid: LiquidParams = crate::from_toml(&text);
         let systems = Systems { liquid: Some(liquid), bodies: params(), ..Systems::default() };
         let mut restored = Simulation::restore(world, systems, &middle).expect("the frame has the state");
         advance(&mut restored, 3);

@@ -23,7 +23,7 @@ fn drop_of(radius: f32, viscosity: f32, bodies: Vec<BodyParams>) -> Simulation {
         "spacing = 0.01\nkernel_radius = 2.5\n{viscosity}\n\
          [[source]]\nshape = {{ sphere = {{ center = [0, 0, 0], radius = {radius} }} }}"
     );
-    let liquid: LiquidParams = toml::from_str(&text).unwrap_or_else(|error| panic!("{error}"));
+    let liquid: LiquidParams = crate::from_toml(&text);
     let world = World { gravity: Vec3::zeros(), solids: Vec::new() };
     Simulation::new(world, Systems { liquid: Some(liquid), bodies, ..Systems::default() }).expect("it starts")
 }
@@ -200,7 +200,7 @@ fn a_ball_sinks_in_a_tank_with_the_speed_of_stokes() {
         "spacing = {spacing}\nkernel_radius = 2.5\nviscosity = {{ dynamic = {viscosity:?} }}\n\
          [[source]]\nshape = {{ box = {{ min = [0, 0, 0], max = [{side}, {side}, {depth}] }} }}"
     );
-    let liquid: LiquidParams = toml::from_str(&text).unwrap_or_else(|error| panic!("{error}"));
+    let liquid: LiquidParams = crate::from_toml(&text);
     let walls = Shape::Tank { min: [0.0; 3], max: [side, side, 1.0] };
     let world = World { gravity: Vec3::new(0.0, 0.0, -9.81), solids: vec![Solid::fixed(walls)] };
     let sinking = BodyParams { position: [side / 2.0, side / 2.0, height], ..ball(radius, density) };
@@ -223,7 +223,7 @@ fn a_ball_sinks_in_a_tank_with_the_speed_of_stokes() {
 fn a_ball_next_to_a_nozzle_rests() {
     let text = "spacing = 0.005\nkernel_radius = 2.5\nviscosity = { dynamic = 30 }\n\
         [[emitter]]\nrate = 2e-5\nshape = { disc = { center = [0, 0, 0.1], normal = [0, 0, -1], radius = 0.018 } }\n";
-    let liquid: LiquidParams = toml::from_str(text).unwrap_or_else(|error| panic!("{error}"));
+    let liquid: LiquidParams = crate::from_toml(text);
     let neighbour = BodyParams { position: [0.053, 0.0, 0.09], ..ball(0.03, 1000.0) };
     let world = World { gravity: Vec3::zeros(), solids: Vec::new() };
     let systems = Systems { liquid: Some(liquid), bodies: vec![neighbour], ..Systems::default() };

@@ -16,7 +16,7 @@ use std::cell::Cell;
 const FRAME: f64 = 1.0 / 24.0;
 
 pub(super) fn params(text: &str) -> LiquidParams {
-    toml::from_str(text).unwrap_or_else(|error| panic!("{error}"))
+    crate::from_toml(text)
 }
 
 fn block(spacing: f32, min: [f32; 3], max: [f32; 3], terms: &str) -> LiquidParams {

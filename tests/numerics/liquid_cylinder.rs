@@ -41,7 +41,7 @@ impl Wave {
             0.5 * height,
             3.0 * SPACING
         );
-        let params: LiquidParams = toml::from_str(&text).unwrap_or_else(|error| panic!("{error}"));
+        let params: LiquidParams = crate::from_toml(&text);
         let plane = |z: f32, normal: f32| {
             Solid::fixed(Shape::Plane { point: [0.0, 0.0, z], normal: [0.0, 0.0, normal] })
         };

@@ -16,7 +16,7 @@ const FRAME: f64 = 1.0 / 24.0;
 const SOLVERS: [&str; 2] = ["accelerated", "jacobi"];
 
 fn params(solver: &str, text: &str) -> LiquidParams {
-    toml::from_str(&format!("solver = '{solver}'\n{text}")).unwrap_or_else(|error| panic!("{error}\n{text}"))
+    crate::from_toml(&format!("solver = '{solver}'\n{text}"))
 }
 
 fn block(spacing: f32, min: [f32; 3], max: [f32; 3], terms: &str) -> String {

@@ -44,7 +44,7 @@ fn block(world: World, low: [f64; 3], high: [f64; 3], speed: f64, terms: &str) -
         "spacing = {SPACING}\n{terms}\n[[source]]\nvelocity = [{speed}, 0, 0]\n\
          shape = {{ box = {{ min = {low:?}, max = {high:?} }} }}"
     );
-    let params: LiquidParams = toml::from_str(&text).unwrap_or_else(|error| panic!("{error}"));
+    let params: LiquidParams = crate::from_toml(&text);
     Simulation::new(world, Some(params)).expect("the source holds particles")
 }
 
@@ -249,7 +249,7 @@ fn rough_frames_have_the_same_bits_on_any_number_of_threads_and_after_a_restart(
         let text = format!(
             "spacing = 0.02\n{terms}\n[[source]]\nshape = {{ box = {{ min = [0, 0, 0], max = [0.4, 0.4, {depth}] }} }}"
         );
-        let params: LiquidParams = toml::from_str(&text).unwrap();
+        let params: LiquidParams = crate::from_toml(&text);
         let run = || {
             let mut simulation = Simulation::new(world.clone(), Some(params.clone())).unwrap();
             advance(&mut simulation, frames);

@@ -14,8 +14,7 @@ use meniscus::{
 const SPACING: f32 = 0.02;
 
 fn systems(text: &str, fps: f64) -> Systems {
-    let liquid: LiquidParams = toml::from_str(&format!("spacing = {SPACING}\n{text}"))
-        .unwrap_or_else(|error| panic!("{error}\n{text}"));
+    let liquid: LiquidParams = crate::from_toml(&format!("spacing = {SPACING}\n{text}"));
     Systems { liquid: Some(liquid), timeline: Timeline { fps, first: 1 }, ..Systems::default() }
 }
 

@@ -15,7 +15,7 @@ const FRAME: f64 = 1.0 / 24.0;
 const GRAVITY: f64 = 9.81;
 
 fn params(text: &str) -> LiquidParams {
-    toml::from_str(text).unwrap_or_else(|error| panic!("{error}\n{text}"))
+    crate::from_toml(text)
 }
 
 fn block(spacing: f32, max: [f32; 3], terms: &str) -> LiquidParams {

@@ -35,7 +35,7 @@ fn boxes(world: World, more: &str, sources: &[([f64; 3], [f64; 3], String)]) -> 
     for (min, max, keys) in sources {
         text += &format!("[[source]]\n{keys}\nshape = {{ box = {{ min = {min:?}, max = {max:?} }} }}\n");
     }
-    let params: LiquidParams = toml::from_str(&text).unwrap_or_else(|error| panic!("{error}"));
+    let params: LiquidParams = crate::from_toml(&text);
     Simulation::new(world, Some(params)).expect("the sources hold particles")
 }
 
@@ -298,7 +298,7 @@ fn viscous_frames_have_the_same_bits_on_any_number_of_threads_and_after_a_restar
     let text = "spacing = 0.02\nviscosity = { dynamic = 5 }\n\
                 [[source]]\nshape = { box = { min = [0, 0, 0], max = [0.2, 0.4, 0.2] } }\n\
                 [[source]]\nviscosity = 80\nshape = { box = { min = [0.2, 0, 0], max = [0.4, 0.4, 0.2] } }";
-    let params: LiquidParams = toml::from_str(text).unwrap();
+    let params: LiquidParams = crate::from_toml(text);
     let frames = if crate::is_soak() { 2 } else { 1 };
     let run = || {
         let mut simulation = Simulation::new(world.clone(), Some(params.clone())).unwrap();

@@ -42,3 +42,9 @@ fn is_soak() -> bool {
 fn thread_counts() -> &'static [usize] {
     if is_soak() { &[2, 3, 8] } else { &[3] }
 }
+
+/// A table of a preset as the program reads it: by way of its JSON, so that the tests compile no reader of TOML for each type.
+fn from_toml<T: serde::de::DeserializeOwned>(text: &str) -> T {
+    let table: serde_json::Value = toml::from_str(text).unwrap_or_else(|error| panic!("{error}\n{text}"));
+    serde_json::from_value(table).unwrap_or_else(|error| panic!("{error}\n{text}"))
+}

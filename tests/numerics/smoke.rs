@@ -13,7 +13,7 @@ use meniscus::{
 };
 
 fn smoke(text: &str) -> Systems {
-    let params = toml::from_str(text).unwrap_or_else(|why| panic!("{why}\n{text}"));
+    let params = crate::from_toml(text);
     Systems { smoke: Some(Smoke { params, fps: 24.0, first: 1 }), ..Systems::default() }
 }
 

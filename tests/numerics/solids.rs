@@ -45,7 +45,7 @@ fn water(spacing: f32, min: [f32; 3], max: [f32; 3], terms: &str) -> LiquidParam
     let text = format!(
         "spacing = {spacing}\nsource = [{{ shape = {{ box = {{ min = {min:?}, max = {max:?} }} }} }}]\n{terms}"
     );
-    toml::from_str(&text).unwrap_or_else(|error| panic!("{error}"))
+    crate::from_toml(&text)
 }
 
 fn simulation(world: World, params: LiquidParams) -> Simulation {

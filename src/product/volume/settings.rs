@@ -70,7 +70,7 @@ mod tests {
 
     #[test]
     fn walls_and_air_are_made_for_grids_of_the_air_alone() {
-        let params = toml::from_str("spacing = 0.1").unwrap();
+        let params = crate::from_toml("spacing = 0.1");
         let smoke = Smoke { params, fps: 24.0, first: 1 };
         let world = World { gravity: Vec3::zeros(), solids: Vec::new() };
         let settings = |grids: &[VolumeGrid]| VolumeSettings {

@@ -151,8 +151,7 @@ mod tests {
 
     fn scene() -> Scene {
         let liquid = "[liquid]\nspacing = 0.1\nsource = [{ shape = { box = { min = [0, 0, 0], max = [1, 1, 1] } } }]\n";
-        toml::from_str(&format!("title = \"t\"\nframes = \"1\"\n{liquid}[output]\nmesh = [\"ply\"]\n"))
-            .unwrap()
+        crate::from_toml(&format!("title = \"t\"\nframes = \"1\"\n{liquid}[output]\nmesh = [\"ply\"]\n"))
     }
 
     fn counts(particles: usize) -> Vec<ElementCount> {

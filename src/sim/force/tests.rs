@@ -30,7 +30,7 @@ fn forces(tables: &[&str]) -> Vec<ForceParams> {
         force: Vec<ForceParams>,
     }
     let text: String = tables.iter().map(|table| format!("[[force]]\n{table}\n")).collect();
-    toml::from_str::<Table>(&text).unwrap_or_else(|error| panic!("{error}\n{text}")).force
+    crate::from_toml::<Table>(&text).force
 }
 
 /// The acceleration of a point at rest [m/s²].
@@ -48,9 +48,9 @@ fn assert_close(found: Vec3, expected: [f32; 3], tolerance: f32) {
 }
 
 fn systems(liquid: Option<&str>, sheets: Option<&str>, tables: &[&str]) -> Systems {
-    let liquid = liquid.map(|text| toml::from_str::<LiquidParams>(text).unwrap());
+    let liquid = liquid.map(|text| crate::from_toml::<LiquidParams>(text));
     let sheets = sheets.map(|text| {
-        let params: SheetsParams = toml::from_str(text).unwrap();
+        let params: SheetsParams = crate::from_toml(text);
         Shot { params, fps: FPS, first: 1 }
     });
     let timeline = Timeline { fps: FPS, first: 1 };

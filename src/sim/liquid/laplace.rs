@@ -27,7 +27,7 @@ fn relative_pressure(radius: f32) -> f64 {
          [[source]]\nshape = {{ ellipsoid = {{ center = [0, 0, 0], radii = {:?} }} }}",
         STRETCH.map(|stretch| stretch * radius * spacing)
     );
-    let params: LiquidParams = toml::from_str(&text).expect("it is a liquid");
+    let params: LiquidParams = crate::from_toml(&text);
     let density = f64::from(params.density);
     let world = World { gravity: Vec3::zeros(), solids: Vec::new() };
     let mut liquid = Liquid::seed(params, &world, (&[], &[]), crate::sim::Timeline::default())

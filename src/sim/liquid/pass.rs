@@ -79,7 +79,7 @@ mod tests {
                  [[source]]\nvelocity = [-3, 0.5, -2]\n\
                  shape = {{ box = {{ min = [0.32, 0.05, 0.3], max = [0.56, 0.35, 0.6] }} }}"
             );
-            let params: LiquidParams = toml::from_str(&text).expect("it is a liquid");
+            let params: LiquidParams = crate::from_toml(&text);
             let [scalar, fastest] = in_both_forms(|| bits(&params));
             assert!(scalar == fastest, "{solver}, {kernel}");
         }

@@ -263,7 +263,7 @@ mod tests {
     use crate::solid::Solid;
 
     fn seeds(text: &str, shapes: Vec<Shape>) -> Result<Seeds, SetupError> {
-        let params: LiquidParams = toml::from_str(text).expect("the preset is valid");
+        let params: LiquidParams = crate::from_toml(text);
         let rest = RestState::new(params.kernel, params.spacing, params.kernel_radius);
         let solids: Vec<Solid> = shapes.into_iter().map(Solid::fixed).collect();
         seed(&params, &rest, &Walls::new(&solids, &rest))

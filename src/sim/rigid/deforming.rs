@@ -170,7 +170,7 @@ mod tests {
         let times: Vec<f64> = (0..=15).map(|k| 0.1 * f64::from(k)).collect();
         let samples = times.iter().map(|&time| corners(time as f32)).collect();
         let mut shape = MeshShape::new("made here");
-        shape.fill_deforming(Arc::new(Deformation::new(faces, samples, times, 32).unwrap()));
+        shape.fill_deforming(Arc::new(Deformation::new(faces, samples, times, 16).unwrap()));
         Solid::fixed(Shape::Mesh(shape))
     }
 

@@ -394,7 +394,7 @@ mod tests {
             + &joint([29, 29], "")
             + &joint([20, 14], "stiffness = 40.0")
             + &joint([16, 9], "stiffness = 60.0\ndirection = [0, 0.6, 0.8]");
-        let params: SheetsParams = toml::from_str(&text).unwrap();
+        let params: SheetsParams = crate::from_toml(&text);
         let world = World { gravity: Vec3::zeros(), solids: Vec::new() };
         let mut sheets = Sheets::new(Shot { params, fps: 24.0, first: 1 }, &world).unwrap();
         sheets.update_holds(0.0);

@@ -327,7 +327,7 @@ mod tests {
 
     fn leaks_with(vortons: &Vortons, shapes: &[Shape], spacing: f32) -> (Vec<Leak>, Leak) {
         let solids = shapes.iter().map(|shape| Solid::fixed(shape.clone())).collect();
-        let params = toml::from_str(&format!("spacing = {spacing}\nwind = [1, 0.5, 0]")).unwrap();
+        let params = crate::from_toml(&format!("spacing = {spacing}\nwind = [1, 0.5, 0]"));
         let air = Air::new(&params, &World { gravity: Vec3::zeros(), solids });
         let sources = air.sources(vortons, 0.0, Spun::at(0.0)).unwrap();
         assert!(sources.residual < 0.01, "{}", sources.residual);
@@ -350,7 +350,7 @@ mod tests {
     /// The air in a wind of 1 m/s along x above a floor, with a solid.
     fn air_over_floor(solid: Solid) -> Air {
         let floor = Solid::fixed(Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] });
-        let params = toml::from_str("spacing = 0.08\nwind = [1, 0, 0]").unwrap();
+        let params = crate::from_toml("spacing = 0.08\nwind = [1, 0, 0]");
         Air::new(&params, &World { gravity: Vec3::zeros(), solids: vec![solid, floor] })
     }
 

@@ -185,7 +185,7 @@ mod tests {
     fn a_ring_has_its_circulation_its_impulse_and_its_smoke() {
         let text =
             "center = [0.1, 0, 0]\ndirection = [0, 1, 1]\nradius = 0.4\nthickness = 0.06\ncirculation = 2";
-        let params: Ring = toml::from_str(text).unwrap();
+        let params: Ring = crate::from_toml(text);
         for spacing in [0.05, 0.02] {
             let setting =
                 Setting { spacing, core: 1.5 * spacing, kernel: Kernel::default(), tracers: 0.5 * spacing };

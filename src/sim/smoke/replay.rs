@@ -267,7 +267,7 @@ mod tests {
     fn ring() -> Smoke {
         let text =
             "spacing = 0.05\n[[ring]]\ncenter = [0, 0, 0]\nradius = 0.3\nthickness = 0.1\ncirculation = 1";
-        Smoke { params: toml::from_str(text).unwrap(), fps: 24.0, first: 1 }
+        Smoke { params: crate::from_toml(text), fps: 24.0, first: 1 }
     }
 
     fn still() -> World {
@@ -317,7 +317,7 @@ mod tests {
     #[test]
     fn a_solid_that_is_fast_between_frames_displaces_tracers() {
         let text = "spacing = 0.08\ntracers = 0.5\n[[source]]\nshape = { box = { min = [-0.06, -0.06, -0.06], max = [0.06, 0.06, 0.06] } }";
-        let smoke = Smoke { params: toml::from_str(text).unwrap(), fps: 24.0, first: 1 };
+        let smoke = Smoke { params: crate::from_toml(text), fps: 24.0, first: 1 };
         let key = |frame: u32, x: f32| Keyframe {
             frame,
             position: [x, 0.0, 0.0],
@@ -349,7 +349,7 @@ mod tests {
     /// A ball that turns from the start and grows by a part of its size each frame.
     fn turn_and_grow(growth: f32) {
         let text = "spacing = 0.1\n[shedding]\n[[source]]\nshape = { sphere = { center = [0, 0, 0], radius = 0.6 } }";
-        let smoke = Smoke { params: toml::from_str(text).unwrap(), fps: 24.0, first: 1 };
+        let smoke = Smoke { params: crate::from_toml(text), fps: 24.0, first: 1 };
         let key = |frame: u32| Keyframe {
             frame,
             position: [0.0; 3],

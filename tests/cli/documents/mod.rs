@@ -87,6 +87,7 @@ documents! {
     #[ignore = "takes long: tools/soak/run"]
     recipes: "docs/recipes.md",
     sheet_scenes_guide: "docs/sheet-scenes.md",
+    #[ignore = "takes long: tools/soak/run"]
     sheets_guide: "docs/sheets.md",
     #[ignore = "takes long: tools/soak/run"]
     smoke_guide: "docs/smoke.md",

@@ -37,8 +37,7 @@ struct Text {
 
 /// The systems of a preset.
 fn systems(text: &str) -> Systems {
-    let Text { liquid, smoke, sheet, sheets, coupling } =
-        toml::from_str(text).unwrap_or_else(|error| panic!("{error}\n{text}"));
+    let Text { liquid, smoke, sheet, sheets, coupling } = crate::from_toml(text);
     let (fps, first) = (24.0, 1);
     let smoke = smoke.map(|params| meniscus::sim::smoke::Smoke { params, fps, first });
     let params = SheetsParams { sheet, common: sheets };

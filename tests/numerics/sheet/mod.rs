@@ -21,6 +21,7 @@ use meniscus::{
 const FRAME: f64 = 1.0 / 24.0;
 
 fn shot(text: &str) -> Shot {
+    // Not by way of JSON, which has no NaN.
     let params: SheetsParams = toml::from_str(text).unwrap_or_else(|error| panic!("{error}\n{text}"));
     Shot { params, fps: 24.0, first: 1 }
 }

@@ -317,7 +317,7 @@ fn cut_faces_are_counted_at_each_tested_place_of_any_sheet() {
     let record = |text: &str, rod: Shape, motion: Option<Motion>, triangles: bool| {
         let mut around = world(0.0, vec![rod]);
         around.solids[0].motion = motion;
-        let mut params: SheetsParams = toml::from_str(text).unwrap();
+        let mut params: SheetsParams = crate::from_toml(text);
         if triangles {
             params.sheet[1].shape = SheetShape::Mesh(SheetMesh {
                 points: vec![[0.0, 0.0, 2.0], [1.0, 0.0, 2.0], [1.0, 1.0, 2.0], [0.0, 1.0, 2.0]],

@@ -36,9 +36,17 @@ SCENES = {
     "jobs.py": ["jobs", "closed", "engine"],
     "results.py": ["bodies", "cloth", "arrivals", "panels"],
 }
-# What runs in their place on a synthetic shot, as in a second version of Blender: to save time. Processes of the engine and their logs depend
-# on the version of Python alone.
-SHORT = {"first.py": ["few"], "results.py": ["bodies", "cloth", "panels"], "jobs.py": ["engine"], "logs.py": []}
+# What runs in their place on a synthetic shot, as in a second version of Blender: to save time. Processes of the engine, their logs, presets,
+# placing and what checks files depend on the version of Blender least; tools/soak/run has all of it in every version.
+SHORT = {
+    "first.py": ["few"],
+    "results.py": ["bodies", "cloth", "panels"],
+    "jobs.py": ["engine"],
+    "logs.py": [],
+    "presets.py": [],
+    "placing.py": [],
+}
+LONG_ONLY = ("startup", "pictures", "hostile")
 sys.path[:0] = [str(HERE), str(TOOL)]
 
 import build  # noqa: E402
@@ -179,14 +187,16 @@ def main() -> int:
         synthetic.write_sheet(work / "sheet")
         tally.stage("sheet", [work / "sheet"], user)
         tally.stage("sheets", [work / "sheets"], user)
-        for name in ("colliders", "deforming", "startup", "floors", "studio", "pictures", "motions"):
-            tally.stage(name, [work / name], user, "solids.py")
-        tally.stage("hostile", [work / "hostile"], user, "hostile.py")
+        is_short = not given.shot
+        solids = ("colliders", "deforming", "startup", "floors", "studio", "pictures", "motions")
+        for name, script in [*((name, "solids.py") for name in solids), ("hostile", "hostile.py")]:
+            if not (is_short and name in LONG_ONLY):
+                tally.stage(name, [work / name], user, script)
         (work / "reload").mkdir()
         tally.stage("reload", [work / "reload"], user, "kinds.py")
         if has_engine():
             check_kinds(tally, work, user, bare)
-            check_scenes(tally, work, user, is_short=not given.shot)
+            check_scenes(tally, work, user, is_short)
         if given.volumes:
             shutil.copytree(given.volumes, work / "volumes")
             tally.stage("volume", [work / "volumes"], bare)

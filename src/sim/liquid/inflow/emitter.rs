@@ -165,7 +165,7 @@ mod tests {
 
     fn emitter(text: &str) -> Emitter {
         let rest = RestState::new(Kernel::Wendland, 0.02, 2.0);
-        Emitter::new(&toml::from_str(text).unwrap(), &rest, Timeline { fps: 24.0, first: 1 }, 0)
+        Emitter::new(&crate::from_toml(text), &rest, Timeline { fps: 24.0, first: 1 }, 0)
     }
 
     const BALL: &str = "shape = { sphere = { center = [0, 0, 1], radius = 0.1 } }\n";

@@ -103,7 +103,7 @@ mod tests {
 
     fn schedule(text: &str) -> Schedule {
         let shape = "shape = { sphere = { center = [0, 0, 0], radius = 1 } }\n";
-        let params: LiquidEmitter = toml::from_str(&format!("{shape}{text}")).unwrap();
+        let params: LiquidEmitter = crate::from_toml(&format!("{shape}{text}"));
         Schedule::new(&params, 2.0, Timeline { fps: 10.0, first: 1 })
     }
 
