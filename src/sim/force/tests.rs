@@ -48,7 +48,7 @@ fn assert_close(found: Vec3, expected: [f32; 3], tolerance: f32) {
 }
 
 fn systems(liquid: Option<&str>, sheets: Option<&str>, tables: &[&str]) -> Systems {
-    let liquid = liquid.map(|text| crate::from_toml::<LiquidParams>(text));
+    let liquid = liquid.map(crate::from_toml::<LiquidParams>);
     let sheets = sheets.map(|text| {
         let params: SheetsParams = crate::from_toml(text);
         Shot { params, fps: FPS, first: 1 }

@@ -184,7 +184,7 @@ fn under_forces(
     let mut params = WhitewaterParams { amount: 0.0, ..WhitewaterParams::default() };
     change(&mut params);
     let forces: Vec<ForceParams> =
-        forces.split(';').filter(|one| !one.is_empty()).map(|one| crate::from_toml(one)).collect();
+        forces.split(';').filter(|one| !one.is_empty()).map(crate::from_toml).collect();
     let world = World { gravity: Vec3::new(0.0, 0.0, -9.81), solids: Vec::new() };
     let walls = Walls::new(&world, &forces, Timeline { fps: 24.0, first: 0 });
     let rates = Rates::new(&params, &walls);
