@@ -58,7 +58,7 @@ pub(super) struct BodySamples<'a> {
     pub(super) samples: &'a [PairSample],
 }
 
-/// For each pair, the pairs of its particle's neighbours with the same body.
+/// For each pair, the pairs of its particle's neighbours with the same body whose images may come near before lists are built again.
 #[derive(Debug, Default)]
 pub(super) struct ImageLists(Vec<ImageChunk>);
 
@@ -71,14 +71,27 @@ struct ImageChunk {
 }
 
 impl ImageLists {
-    /// Finds the pairs among the neighbours.
-    pub(super) fn rebuild(&mut self, lists: &Neighbours, first_pair: &[u32], pairs: &[Pair]) {
+    /// Finds the pairs among the neighbours. The pairs have their positions when the lists were built, and lower bounds of the distances from the
+    /// plane of mirroring that they will have; `skin` is how much closer two particles may come, over h.
+    pub(super) fn rebuild(
+        &mut self,
+        lists: &Neighbours,
+        first_pair: &[u32],
+        pairs: &[Pair],
+        [inv_h, skin]: [f32; 2],
+    ) {
         self.0 = par::map_chunks(pairs.len(), par::CHUNK, |range| {
             let (mut ends, mut list) = (Vec::with_capacity(range.len()), Vec::new());
-            for &Pair { particle, body, .. } in &pairs[range] {
+            for own in &pairs[range] {
+                let &Pair { particle, body, x, .. } = own;
+                let may_come_near = |other: &Pair| {
+                    let nearest = ((x - other.x).norm() * inv_h - skin).max(0.0);
+                    nearest * nearest + 4.0 * own.mirror.distance * other.mirror.distance < 1.0
+                };
                 let of_body = |&j: &u32| {
                     let mut range = range_of(first_pair, pairs, j as usize);
-                    range.find(|&other| pairs[other].body == body).map(|other| other as u32)
+                    let other = range.find(|&other| pairs[other].body == body)?;
+                    may_come_near(&pairs[other]).then_some(other as u32)
                 };
                 list.extend(lists.of(particle as usize).iter().filter_map(of_body));
                 ends.push(list.len() as u32);
@@ -339,6 +352,44 @@ mod tests {
             for (density, expected) in turned(angle).iter().zip(&expected) {
                 assert!((density - expected).abs() < 1e-3, "{density} turned by {angle}, {expected} else");
             }
+        }
+    }
+
+    #[test]
+    fn lists_hold_every_image_until_particles_or_bodies_have_moved_by_their_skins() {
+        let torus = Shape::Torus { center: [0.0; 3], axis: [0.0, 0.0, 1.0], radius: 0.06, tube: 0.03 };
+        for shape in [cuboid(0.05), Shape::Sphere { center: [0.0; 3], radius: 0.06 }, torus] {
+            let cloud = cloud_around(&shape);
+            let (mut solver, mut walls, rest) =
+                at_body(shape.clone(), Pose::identity(), Kernel::Wendland, cloud.clone());
+            let skin = 0.1 * rest.support;
+            // Each particle towards the body, which comes towards those on one side.
+            let place = |x: &Vec3| x - x.normalize() * (0.499 * skin);
+            let pose = at(Vec3::new(1.0, 1.0, 0.0).normalize() * (0.999 * skin));
+            let moved: Vec<Vec3> = cloud.iter().map(place).collect();
+            solver.p.clone_from(&moved);
+            walls.set_rigid_bodies([[pose, pose]].into_iter());
+            let setup =
+                SolverSetup { rest: &rest, walls: &walls, constraint: Constraint::Equality, softening: 0.0 };
+            solver.sample_rigid_pairs(&setup);
+            let by_particle = |solver: &Solver| {
+                let mut densities = vec![0.0; cloud.len()];
+                for (pair, sample) in solver.rigid.pairs.iter().zip(&solver.rigid.samples) {
+                    densities[pair.particle as usize] = sample.image.density;
+                }
+                densities
+            };
+            let found = by_particle(&solver);
+            let expected = by_particle(&at_body(shape.clone(), pose, Kernel::Wendland, moved).0);
+            for (i, (found, expected)) in found.iter().zip(&expected).enumerate() {
+                assert!((found - expected).abs() < 1e-6, "{shape:?}, particle {i}: {found}, not {expected}");
+            }
+            // Most neighbours have no image as near.
+            let listed: usize = (0..solver.rigid.pairs.len()).map(|k| solver.rigid.images.of(k).len()).sum();
+            let neighbours: usize =
+                solver.rigid.pairs.iter().map(|pair| solver.lists.of(pair.particle as usize).len()).sum();
+            println!("{listed} of {neighbours}");
+            assert!(2 * listed < neighbours, "{shape:?}: {listed} of {neighbours}");
         }
     }
 

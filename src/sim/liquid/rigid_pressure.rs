@@ -5,9 +5,9 @@ use super::{
     images::{Images, NO_PAIR, Pair, PairSample},
     rigid::{RigidSide, sum_by_body},
     rigid_system::{BodySystem, Lever, dot, lever},
-    setup::SolverSetup,
+    setup::{LIST_SKIN, SolverSetup},
     solve::Solver,
-    walls::Walls,
+    walls::{Mirror, Walls},
 };
 use crate::{math::Vec3, par, solid::RigidBody};
 
@@ -57,13 +57,16 @@ impl Solver {
         }
         let margin = BODY_SKIN * setup.skin();
         let reach = setup.boundary_reach() + margin;
+        // Particles may move by half a skin, bodies by the margin.
+        let approach = 0.5 * setup.skin() + margin;
         let (p, clearance) = (&self.built_at, &self.clearance);
         let found = par::map_chunks(p.len(), par::CHUNK, |range| {
             let mut pairs = Vec::new();
             for i in range.filter(|&i| clearance[i] < reach) {
                 for body in walls.rigid_bodies_near(p[i], reach) {
-                    let (particle, body) = (i as u32, body as u32);
-                    pairs.push(Pair { particle, body, ..Pair::default() });
+                    let distance = walls.min_mirror_distance(body, p[i], approach);
+                    let mirror = Mirror { distance, ..Mirror::default() };
+                    pairs.push(Pair { particle: i as u32, body: body as u32, x: p[i], mirror });
                 }
             }
             pairs
@@ -82,7 +85,7 @@ impl Solver {
         let RigidSide { pairs, samples, images, first_pair, .. } = &mut self.rigid;
         samples.clear();
         samples.resize(pairs.len(), PairSample::default());
-        images.rebuild(&self.lists, first_pair, pairs);
+        images.rebuild(&self.lists, first_pair, pairs, [setup.rest.inv_support, LIST_SKIN]);
         self.rigid.listed_at = walls.rigid_poses();
         (self.rigid.stale, self.rigid.is_sampled) = (false, false);
     }

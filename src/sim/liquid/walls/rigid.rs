@@ -5,7 +5,7 @@
 use super::{Body, CONTACT, MovingSolid, Plane, Walls};
 use crate::{
     math::Vec3,
-    solid::{Pose, Solid},
+    solid::{Pose, Shape, Solid},
 };
 
 /// Contact distance between particles and rigid bodies [spacings]: the layer of particles is held by its images, and must be free to thin out.
@@ -22,6 +22,9 @@ const LIGHT_BODY: f64 = 0.05;
 
 /// Density below which the weights of images approach 1, where both that they are the quotient of vanish.
 const SMALLEST_DENSITY: f32 = 0.02;
+
+/// Upper bound of the gradient of distances that are interpolated between nodes, of which no two differ by more than their distance.
+const STEEPEST_INTERPOLATED: f32 = 1.7321;
 
 /// The surface of a rigid body as a particle near it sees it; see `images.rs`.
 #[derive(Clone, Copy, Debug, Default)]
@@ -105,10 +108,13 @@ impl Walls {
     pub(in crate::sim::liquid) fn mirror(&self, body: usize, x: Vec3) -> Mirror {
         let body = &self.bodies[self.rigid_index(body)];
         let (d, normal) = self.body_contact(body, x);
+        let distance = self.mirror_distance(d);
+        if d >= self.support + self.shift.abs() {
+            return Mirror { distance, normal, weight: 1.0, ..Mirror::default() };
+        }
         let (share, falls) = self.body_density(body, x, 0.0);
         let of_half_space = self.half_space_density(d, 0.0) + SMALLEST_DENSITY;
         let falls_of_half_space = normal * self.half_space_slope(d);
-        let distance = (d + MIRROR_DEPTH * self.rest.spacing).max(0.0) * self.inv_support;
         let mut mirror = Mirror { distance, normal, weight: 1.0, ..Mirror::default() };
         let squared = (share + SMALLEST_DENSITY) / of_half_space;
         if squared < 1.0 {
@@ -119,6 +125,19 @@ impl Walls {
             mirror.excess = (excess.max(0.0), falls_of_half_space - falls);
         }
         mirror
+    }
+
+    /// Distance from the plane of mirroring over h of what is `d` [m] from the surface.
+    #[inline]
+    fn mirror_distance(&self, d: f32) -> f32 {
+        (d + MIRROR_DEPTH * self.rest.spacing).max(0.0) * self.inv_support
+    }
+
+    /// Lower bound of the distance of [`Walls::mirror`] of a particle at `x`, over h, after particle and body have come closer by up to `margin` [m].
+    pub(in crate::sim::liquid) fn min_mirror_distance(&self, body: usize, x: Vec3, margin: f32) -> f32 {
+        let body = &self.bodies[self.rigid_index(body)];
+        let steepest = if matches!(body.shape, Shape::Mesh(_)) { STEEPEST_INTERPOLATED } else { 1.0 };
+        self.mirror_distance(self.body_contact(body, x).0 - steepest * margin)
     }
 
     /// Share of a rigid body in the gradient of [`Walls::boundary_density`] at `x` [1/m].
