@@ -21,8 +21,7 @@ TARGET = Path(os.environ.get("CARGO_TARGET_DIR", "target"))
 RECORDS = TARGET / "lint"
 # What cargo adds for itself, with the value that follows if there is one.
 FOR_CARGO = ("--error-format", "--json", "--diagnostic-width", "--emit", "--out-dir")
-# Tests themselves compile in a tenth less time with smaller functions, and run for a tenth longer, of which there is less. What they link
-# is not concerned (docs/build.md).
+# For crates of tests alone: smaller functions, which compile in less time than they run longer (docs/build.md).
 FEWER_INLINED = ["-Cllvm-args=-inline-threshold=60 -inlinehint-threshold=100", "-Cno-vectorize-slp"]
 DENIED = {"CLIPPY_ARGS": "-D__CLIPPY_HACKERY__warnings__CLIPPY_HACKERY__"}
 
@@ -32,7 +31,7 @@ def value_of(arguments: list[str], name: str) -> str:
 
 
 def record_and_compile(arguments: list[str]) -> None:
-    """Stands for rustc: notes the arguments of a crate, and runs it; warnings are errors."""
+    """Stands for rustc: notes the arguments of a crate, and runs it."""
     if "--crate-name" in arguments and value_of(arguments, "--crate-name") != "___":
         source = next(argument for argument in arguments if argument.endswith(".rs"))
         # A library for other languages has no hash in its name.
@@ -42,7 +41,7 @@ def record_and_compile(arguments: list[str]) -> None:
         record = {"arguments": arguments, "source": source, "environment": {key: os.environ[key] for key in names}}
         RECORDS.mkdir(parents=True, exist_ok=True)
         (RECORDS / f"{name}.json").write_text(json.dumps(record))
-        arguments += ["-Dwarnings"] + (FEWER_INLINED if "--test" in arguments else [])
+        arguments += FEWER_INLINED if "--test" in arguments else []
     os.execvp(arguments[0], arguments)
 
 
@@ -133,10 +132,8 @@ def main() -> int:
         changed = {example[0]["source"]: str(bench), value_of(example[0]["arguments"], "--crate-name"): bench.stem}
         arguments = [changed.get(argument, argument) for argument in example[0]["arguments"]]
         records.append(example[0] | {"arguments": arguments, "source": str(bench)})
-    # The library's sources are read with its tests; what only tests use is a warning of rustc.
-    read = [record for record in records if record not in library]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        jobs = [pool.submit(rustdoc, library[0]), *(pool.submit(clippy, record) for record in read)]
+        jobs = [pool.submit(rustdoc, library[0]), *(pool.submit(clippy, record) for record in records)]
         results = [job.result() for job in jobs]
     for result in results:
         print(result.stdout, end="")

@@ -36,8 +36,7 @@ SCENES = {
     "jobs.py": ["jobs", "closed", "engine"],
     "results.py": ["bodies", "cloth", "arrivals", "panels"],
 }
-# What runs in their place on a synthetic shot, as in a second version of Blender: to save time. Processes of the engine, their logs, presets,
-# placing and what checks files depend on the version of Blender least; tools/soak/run has all of it in every version.
+# What runs in their place on a synthetic shot, as in a second version of Blender: to save time. tools/soak/run has all of it in every version.
 SHORT = {
     "first.py": ["few"],
     "results.py": ["bodies", "cloth", "panels"],
@@ -46,6 +45,7 @@ SHORT = {
     "presets.py": [],
     "placing.py": [],
 }
+# Stages of solids.py and hostile.py that are left out there too.
 LONG_ONLY = ("startup", "pictures", "hostile")
 sys.path[:0] = [str(HERE), str(TOOL)]
 

@@ -433,7 +433,7 @@ impl Walls {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::{
         sdf::Sampled,
@@ -465,7 +465,7 @@ mod tests {
     }
 
     /// A mesh with samples of the given distance on [-1, 1]³.
-    pub(super) fn mesh(voxel: f32, distance: impl Fn(Vec3) -> f32) -> Shape {
+    pub(in crate::sim::liquid) fn mesh(voxel: f32, distance: impl Fn(Vec3) -> f32) -> Shape {
         let n = (2.0 / voxel) as usize + 1;
         let node = |i: usize| Vec3::new((i % n) as f32, (i / n % n) as f32, (i / n / n) as f32) * voxel;
         let values = (0..n * n * n).map(|i| distance(node(i) - Vec3::repeat(1.0))).collect();

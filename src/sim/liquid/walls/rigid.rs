@@ -109,9 +109,6 @@ impl Walls {
         let body = &self.bodies[self.rigid_index(body)];
         let (d, normal) = self.body_contact(body, x);
         let distance = self.mirror_distance(d);
-        if d >= self.support + self.shift.abs() {
-            return Mirror { distance, normal, weight: 1.0, ..Mirror::default() };
-        }
         let (share, falls) = self.body_density(body, x, 0.0);
         let of_half_space = self.half_space_density(d, 0.0) + SMALLEST_DENSITY;
         let falls_of_half_space = normal * self.half_space_slope(d);
