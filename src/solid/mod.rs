@@ -18,4 +18,6 @@ pub use mesh::{Axis, MeshShape};
 pub use motion::{Interpolation, Keyframe, Motion, Pose};
 pub(crate) use rigid_body::{BodyState, BodySurface, MassProperties, RigidBody, body_poses, filled_cells};
 pub use shape::Shape;
+#[cfg(test)]
+pub(crate) use shape::sampled_mesh;
 pub(crate) use surface_velocity::{SurfaceVelocity, angular_velocity};

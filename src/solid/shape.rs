@@ -84,6 +84,22 @@ pub enum Shape {
     Mesh(MeshShape),
 }
 
+/// A mesh with samples of the given distance on [-1, 1]³.
+#[cfg(test)]
+pub(crate) fn sampled_mesh(voxel: f32, distance: impl Fn(Vec3) -> f32) -> Shape {
+    let n = (2.0 / voxel) as usize + 1;
+    let node = |i: usize| Vec3::new((i % n) as f32, (i / n % n) as f32, (i / n / n) as f32) * voxel;
+    let values = (0..n * n * n).map(|i| distance(node(i) - Vec3::repeat(1.0))).collect();
+    let mut shape = MeshShape::new("made here");
+    shape.fill(std::sync::Arc::new(crate::sdf::Sampled {
+        origin: Vec3::repeat(-1.0),
+        voxel,
+        nodes: [n as u32; 3],
+        values,
+    }));
+    Shape::Mesh(shape)
+}
+
 impl Shape {
     /// The shape at `time` [s] since the shot's start: itself, unless it is a mesh that deforms.
     pub fn at(&self, time: f64) -> Cow<'_, Self> {

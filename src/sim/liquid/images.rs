@@ -263,9 +263,9 @@ mod tests {
             Constraint, Kernel,
             setup::{LIST_SKIN, SolverSetup},
             solve::Solver,
-            walls::{Walls, tests::mesh},
+            walls::Walls,
         },
-        solid::{Pose, Shape, Solid},
+        solid::{Pose, Shape, Solid, sampled_mesh},
     };
 
     const SPACING: f32 = 0.02;
@@ -363,7 +363,7 @@ mod tests {
     #[test]
     fn lists_hold_every_image_until_particles_or_bodies_have_moved_by_their_skins() {
         let torus = Shape::Torus { center: [0.0; 3], axis: [0.0, 0.0, 1.0], radius: 0.06, tube: 0.03 };
-        let mesh = mesh(0.02, |x| x.abs().amax() - 0.05);
+        let mesh = sampled_mesh(0.02, |x| x.abs().amax() - 0.05);
         for shape in [cuboid(0.05), Shape::Sphere { center: [0.0; 3], radius: 0.06 }, torus, mesh] {
             let cloud = cloud_around(&shape);
             let (mut solver, mut walls, rest) =

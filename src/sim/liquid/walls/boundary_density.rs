@@ -133,9 +133,12 @@ impl Walls {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::{corner, mesh, walls};
+    use super::super::tests::{corner, walls};
     use super::*;
-    use crate::sim::liquid::{Kernel, calibration::RestState};
+    use crate::{
+        sim::liquid::{Kernel, calibration::RestState},
+        solid::sampled_mesh,
+    };
 
     #[test]
     fn the_density_in_edges_and_corners_leaves_the_seeding_lattice_near_rest() {
@@ -202,22 +205,22 @@ mod tests {
                 Vec3::new(0.0, 0.0, 0.25),
                 0.005,
             ),
-            ("mesh of a box, face", mesh(0.05, cuboid(thick)), &thick_, face, 0.01),
-            ("mesh of a box, edge", mesh(0.05, cuboid(thick)), &thick_, edge, 0.03),
-            ("mesh of a box, corner", mesh(0.05, cuboid(thick)), &thick_, point, 0.03),
-            ("mesh with voxels of h/2, edge", mesh(0.1, cuboid(thick)), &thick_, edge, 0.03),
+            ("mesh of a box, face", sampled_mesh(0.05, cuboid(thick)), &thick_, face, 0.01),
+            ("mesh of a box, edge", sampled_mesh(0.05, cuboid(thick)), &thick_, edge, 0.03),
+            ("mesh of a box, corner", sampled_mesh(0.05, cuboid(thick)), &thick_, point, 0.03),
+            ("mesh with voxels of h/2, edge", sampled_mesh(0.1, cuboid(thick)), &thick_, edge, 0.03),
             (
                 "mesh with voxels of h/2 from inside, edge",
-                mesh(0.1, bowl),
+                sampled_mesh(0.1, bowl),
                 &bowl,
                 Vec3::new(0.0, 0.55, 0.55),
                 0.04,
             ),
-            ("mesh with voxels of h, edge", mesh(0.2, cuboid(thick)), &thick_, edge, 0.04),
-            ("mesh with voxels of h, face", mesh(0.2, cuboid(thick)), &thick_, face, 0.01),
-            ("mesh of a plate", mesh(0.025, cuboid(thin)), &thin_, Vec3::new(0.0, 0.0, 0.1), 0.02),
-            ("mesh from inside, edge", mesh(0.05, bowl), &bowl, Vec3::new(0.0, 0.55, 0.55), 0.04),
-            ("mesh from inside, face", mesh(0.05, bowl), &bowl, Vec3::new(0.0, 0.0, 0.55), 0.01),
+            ("mesh with voxels of h, edge", sampled_mesh(0.2, cuboid(thick)), &thick_, edge, 0.04),
+            ("mesh with voxels of h, face", sampled_mesh(0.2, cuboid(thick)), &thick_, face, 0.01),
+            ("mesh of a plate", sampled_mesh(0.025, cuboid(thin)), &thin_, Vec3::new(0.0, 0.0, 0.1), 0.02),
+            ("mesh from inside, edge", sampled_mesh(0.05, bowl), &bowl, Vec3::new(0.0, 0.55, 0.55), 0.04),
+            ("mesh from inside, face", sampled_mesh(0.05, bowl), &bowl, Vec3::new(0.0, 0.0, 0.55), 0.01),
         ];
         for (name, shape, exact, x, bound) in cases {
             let (share, truth) = (walls(&[shape]).boundary_density(x).0, integral(&rest, x, exact));

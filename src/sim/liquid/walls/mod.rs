@@ -433,14 +433,12 @@ impl Walls {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
     use super::*;
     use crate::{
-        sdf::Sampled,
         sim::liquid::Kernel,
-        solid::{Interpolation, Keyframe, MeshShape},
+        solid::{Interpolation, Keyframe, sampled_mesh},
     };
-    use std::sync::Arc;
 
     pub(super) fn walls(shapes: &[Shape]) -> Walls {
         let solids: Vec<Solid> = shapes.iter().cloned().map(Solid::fixed).collect();
@@ -462,17 +460,6 @@ pub(super) mod tests {
         };
         let motion = Motion::new(&[key(0, from), key(1, to)], Interpolation::Linear, 1.0, 0);
         Solid { motion, ..Solid::fixed(shape) }
-    }
-
-    /// A mesh with samples of the given distance on [-1, 1]³.
-    pub(in crate::sim::liquid) fn mesh(voxel: f32, distance: impl Fn(Vec3) -> f32) -> Shape {
-        let n = (2.0 / voxel) as usize + 1;
-        let node = |i: usize| Vec3::new((i % n) as f32, (i / n % n) as f32, (i / n / n) as f32) * voxel;
-        let values = (0..n * n * n).map(|i| distance(node(i) - Vec3::repeat(1.0))).collect();
-        let field = Sampled { origin: Vec3::repeat(-1.0), voxel, nodes: [n as u32; 3], values };
-        let mut shape = MeshShape::new("made here");
-        shape.fill(Arc::new(field));
-        Shape::Mesh(shape)
     }
 
     #[test]
@@ -500,7 +487,7 @@ pub(super) mod tests {
             let q = x.abs() - Vec3::new(0.9, 0.9, 0.05);
             q.sup(&Vec3::zeros()).norm() + q.max().min(0.0)
         };
-        for (name, shape) in [("box", Shape::Box { min, max }), ("mesh", mesh(0.025, slab))] {
+        for (name, shape) in [("box", Shape::Box { min, max }), ("mesh", sampled_mesh(0.025, slab))] {
             let fixed = walls(std::slice::from_ref(&shape));
             for i in 0..60 {
                 let to = Vec3::new(0.02 * i as f32 - 0.6, 0.3, -3.0);
