@@ -122,7 +122,7 @@ fn faults_of_bodies_are_named_with_their_place() {
     let cube = "box = { min = [-0.2, -0.2, -0.2], max = [0.2, 0.2, 0.2] }";
     for (text, words) in [
         (body("density = 500", "density = 0"), "density"),
-        (body("density = 500", "density = 0.5"), "of the liquid's"),
+        (body("density = 500", "density = 29"), "of the liquid's"),
         (body("density = 500", "density = 2e9"), "of the liquid's"),
         (body("density = 500", "density = 500\nrestitution = 1.5"), "restitution"),
         (body("density = 500", "density = 500\nfriction = -1"), "friction"),

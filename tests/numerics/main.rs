@@ -1,6 +1,7 @@
 //! What the numerics promise: orders of convergence, conservation, closed forms, the same bytes every time.
 
 mod bodies;
+mod bodies_at_rest;
 mod bodies_viscosity;
 mod cavities;
 mod cleanup;

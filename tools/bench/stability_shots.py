@@ -80,7 +80,7 @@ def viscosities(ratio):
 
 # (heading, unit, values, how a value changes the shot)
 SWEEPS = [
-    ("Bodies: density, of a box that falls onto water", "kg/m³", [1e-3, 1.0, 100.0, 500.0, 1000.0, 1e4, 1e6, 1e9],
+    ("Bodies: density, of a box that falls onto water", "kg/m³", [1e-3, 1.0, 30.0, 100.0, 500.0, 1000.0, 1e4, 1e6, 1e9],
      lambda value: {"more": body(density=value)}),
     ("Bodies: speed of the fall", "m/s", [0.0, 5.0, 20.0, 100.0, 1e3, 1e5], lambda value: {"more": body(speed=value)}),
     ("Bodies: side of the box", "m", [0.05, 0.1, 0.2, 0.4, 1.2], lambda value: {"more": body(side=value, height=0.9 + 0.5 * value)}),

@@ -276,7 +276,8 @@ struct Densities {
 /// density that grows from zero with the gradient. Its square, up to the exact value of the outermost layer of a flat surface,
 /// fits the layers of the seeding lattice to 0.01 for Wendland's kernel up to h = 3 spacings (Poly6 and Spiky: 0.03), and
 /// vanishes for the small gradients of the bulk. At a contact line, solids take the place of a share `of_solids` of the air:
-/// uncapped, a block that touches walls swells by 2.3 % per second without gravity, capped by 0.6 %. It is evaluated once in a solve of the accelerated solver, like ghost
+/// uncapped, a block that touches walls swells by 2.3 % per second without gravity, capped by 0.6 %. At rigid bodies the part of the gradient along
+/// their normals does not count ([`BodySamples::without_gaps`]). It is evaluated once in a solve of the accelerated solver, like ghost
 /// particles of air ([schechter12]), and in every iteration of the Jacobi solver.
 #[inline(always)]
 fn surface_deficit(setup: &SolverSetup<'_>, gradient2: f32, of_solids: f32) -> f32 {
@@ -349,8 +350,11 @@ fn densities<L: Lanes, P: Pair, const GRADIENTS: bool>(
             let others2 = g * g * gradient2[k] + of_images2[k];
             let all = own_gradient.norm_squared() + others2; // Σ_k |∇_k C_i|²
             out.denominator[k] = setup.denominator(all);
-            out.deficit[k] = surface_deficit(setup, own_gradient.norm_squared(), boundary[k].0);
-            out.tensile_part[k] = (1.0 - (out.deficit[k] + boundary[k].0) * rest.inv_tension_free).max(0.0);
+            let deficit = |gradient: Vec3| surface_deficit(setup, gradient.norm_squared(), boundary[k].0);
+            out.deficit[k] = deficit(at.samples.without_gaps(first + k, own_gradient));
+            // No tension across a gap.
+            let lacking = deficit(own_gradient) + boundary[k].0;
+            out.tensile_part[k] = (1.0 - lacking * rest.inv_tension_free).max(0.0);
         }
     }
     out

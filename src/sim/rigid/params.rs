@@ -10,7 +10,8 @@ use serde::{Deserialize, Serialize};
 pub struct BodyParams {
     /// Its shape, which must be bounded. A mesh counts as solid, without cavities.
     pub shape: Shape,
-    /// Density [kg/m³]: the body floats if it is below that of the liquid; wood has 400 to 900, ice 917. Range: above 0.
+    /// Density [kg/m³]: the body floats if it is below that of the liquid; wood has 400 to 900, ice 917. With a
+    /// liquid it must be at least 0.03 of the liquid's. Range: above 0.
     pub density: f32,
     /// Where the shape's own origin is at the start [m].
     #[serde(default)]

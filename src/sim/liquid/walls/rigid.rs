@@ -11,13 +11,8 @@ use crate::{
 /// Contact distance between particles and rigid bodies [spacings]: the layer of particles is held by its images, and must be free to thin out.
 const RIGID_CONTACT: f32 = 0.25;
 
-/// Depth of the plane of mirroring below the surface of a body [spacings]. Particles that have moved are less ordered than where they were seeded, and
-/// their images in the surface too dense. If it is smaller, bodies displace more than their volume, at 0 by 2 % at 6 to 10 spacings; if it is larger,
-/// less. Boxes that float are 1.3 % of their draft deeper with it. Measured for a `kernel_radius` of 2.5 (docs/decisions/048).
-const MIRROR_DEPTH: f32 = 0.026;
-
 /// Density over that of the liquid below which bodies have the contact distance of colliders. The pressure of images falls with the distance below
-/// 0.4 spacings, from which on the inertia of a body must keep it: bodies of 0.008 fly off, of 0.02 do not.
+/// 0.4 spacings, from which on the inertia of a body must keep it.
 const LIGHT_BODY: f64 = 0.05;
 
 /// Density below which the weights of images approach 1, where both that they are the quotient of vanish.
@@ -29,7 +24,7 @@ const STEEPEST_INTERPOLATED: f32 = 1.7321;
 /// The surface of a rigid body as a particle near it sees it; see `images.rs`.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::sim::liquid) struct Mirror {
-    /// Distance from the plane of mirroring over h, at least 0.
+    /// Distance from the surface over h, at least 0.
     pub(in crate::sim::liquid) distance: f32,
     /// Unit normal out of the body.
     pub(in crate::sim::liquid) normal: Vec3,
@@ -108,7 +103,7 @@ impl Walls {
     pub(in crate::sim::liquid) fn mirror(&self, body: usize, x: Vec3) -> Mirror {
         let body = &self.bodies[self.rigid_index(body)];
         let (d, normal) = self.body_contact(body, x);
-        let distance = self.mirror_distance(d);
+        let distance = d.max(0.0) * self.inv_support;
         let (share, falls) = self.body_density(body, x, 0.0);
         let of_half_space = self.half_space_density(d, 0.0) + SMALLEST_DENSITY;
         let falls_of_half_space = normal * self.half_space_slope(d);
@@ -124,17 +119,11 @@ impl Walls {
         mirror
     }
 
-    /// Distance from the plane of mirroring over h of what is `d` [m] from the surface.
-    #[inline]
-    fn mirror_distance(&self, d: f32) -> f32 {
-        (d + MIRROR_DEPTH * self.rest.spacing).max(0.0) * self.inv_support
-    }
-
     /// Lower bound of the distance of [`Walls::mirror`] of a particle at `x`, over h, after particle and body have come closer by up to `margin` [m].
     pub(in crate::sim::liquid) fn min_mirror_distance(&self, body: usize, x: Vec3, margin: f32) -> f32 {
         let body = &self.bodies[self.rigid_index(body)];
         let steepest = if matches!(body.shape, Shape::Mesh(_)) { STEEPEST_INTERPOLATED } else { 1.0 };
-        self.mirror_distance(self.body_contact(body, x).0 - steepest * margin)
+        (self.body_contact(body, x).0 - steepest * margin).max(0.0) * self.inv_support
     }
 
     /// Share of a rigid body in the gradient of [`Walls::boundary_density`] at `x` [1/m].
