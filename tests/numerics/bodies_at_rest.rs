@@ -1,6 +1,6 @@
-//! Water at rest around rigid bodies.
+//! Rigid bodies in water at rest.
 
-use crate::bodies::{advance, at, bodies, state, tank};
+use crate::bodies::{advance, at, bodies, cuboid, state, tank};
 use meniscus::{math::Vec3, solid::Shape};
 
 /// Root mean square of the speeds of liquid closer to the ball than `reach` [m/s].
@@ -26,5 +26,26 @@ fn water_rests_at_a_ball_that_floats_and_at_one_that_hangs_in_it() {
         let speed = speed_near(&simulation, radius + 1.5 * spacing);
         println!("ratio {ratio}: {speed}");
         assert!(speed < 0.06, "{ratio}: {speed} m/s");
+    }
+}
+
+#[test]
+#[ignore = "long: tools/soak/run"]
+fn bodies_of_the_liquids_density_neither_rise_nor_sink() {
+    let ball = (Shape::Sphere { center: [0.0; 3], radius: 0.06 }, 0.02);
+    let cubes = [(0.06, 0.02), (0.064, 0.016), (0.0625, 0.0125)].map(|(half, h)| (cuboid([half; 3]), h));
+    for (shape, spacing) in cubes.into_iter().chain([ball]) {
+        let side = 28.0 * spacing;
+        let drift = |ratio: f32| {
+            let body = at(shape.clone(), 1000.0 * ratio, [0.5 * side; 3]);
+            let mut simulation = tank(side, side, spacing, "kernel_radius = 2.5", vec![body]);
+            advance(&mut simulation, 18);
+            let z = bodies(&simulation, "position")[0].z;
+            advance(&mut simulation, 18);
+            bodies(&simulation, "position")[0].z - z
+        };
+        let [up, down] = [0.97, 1.03].map(drift);
+        let neutral = 0.97 + 0.06 * up / (up - down); // 0.995 to 1.009 (docs/decisions/049)
+        assert!((neutral - 1.0).abs() < 0.015 && up - down > spacing, "{neutral}: {up}, {down} m");
     }
 }

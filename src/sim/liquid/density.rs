@@ -276,8 +276,8 @@ struct Densities {
 /// density that grows from zero with the gradient. Its square, up to the exact value of the outermost layer of a flat surface,
 /// fits the layers of the seeding lattice to 0.01 for Wendland's kernel up to h = 3 spacings (Poly6 and Spiky: 0.03), and
 /// vanishes for the small gradients of the bulk. At a contact line, solids take the place of a share `of_solids` of the air:
-/// uncapped, a block that touches walls swells by 2.3 % per second without gravity, capped by 0.6 %. At rigid bodies the part of the gradient along
-/// their normals does not count ([`BodySamples::without_gaps`]). It is evaluated once in a solve of the accelerated solver, like ghost
+/// uncapped, a block that touches walls swells by 2.3 % per second without gravity, capped by 0.6 %. In the first layer at a rigid body the part
+/// of the gradient along the normal does not count ([`BodySamples::without_gaps`]). It is evaluated once in a solve of the accelerated solver, like ghost
 /// particles of air ([schechter12]), and in every iteration of the Jacobi solver.
 #[inline(always)]
 fn surface_deficit(setup: &SolverSetup<'_>, gradient2: f32, of_solids: f32) -> f32 {

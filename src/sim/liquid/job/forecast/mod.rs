@@ -46,8 +46,8 @@ const MICROPOLAR_BYTES: f64 = 64.0;
 /// [bytes/particle].
 const BODY_BYTES: f64 = 12.0 + 4.0 + 2.0 * 68.0 + 88.0 + 4.0;
 
-/// Lists of images, 21 at a flat face, which exist twice while they are found [bytes/particle]: they grow with the volume of the kernel.
-const IMAGE_LIST_BYTES: f64 = 2.0 * 21.0 * 4.0;
+/// Lists of images, 6 to 12 at each particle, which exist twice while they are found [bytes/particle]: they grow with the volume of the kernel.
+const IMAGE_LIST_BYTES: f64 = 2.0 * 12.0 * 4.0;
 
 /// Viscous drag between particles and rigid bodies, of which the list exists twice while it is assembled [bytes/particle].
 const VISCOUS_BODY_BYTES: f64 = 4.0 + 2.0 * 44.0;
