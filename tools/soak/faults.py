@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
 """Lets system calls, memory and disks fail while jobs run, and continues the jobs: is anything lost or wrong then?
 
-    tools/soak/faults.py [MENISCUS] [--calls 40]
+    tools/soak/faults.py [MENISCUS] [--calls N]
 
-Calls: with `strace`, the n-th fsync, fdatasync, rename, openat and write of a job fails, for n = 1 to --calls. Memory: the job runs
-under address-space limits from too little for the program to enough. Disk: on a tmpfs that is too small (needs the right to
-mount). After each the job may fail, by a documented exit code and with a message, but the same command without the fault must
-then end with 0, `verify` must find everything valid, and every file and line of the logs must equal those of an undisturbed run.
+Calls: with `strace`, the n-th fsync, fdatasync, rename, openat and write of a job fails, for n from 1 until it has no such call, or --calls
+times. Memory: the job runs under address-space limits from too little for the program to enough. Disk: on a tmpfs that is
+too small (needs the right to mount). After each the job may fail, by a documented exit code and with a message, but the same
+command without the fault must then end with 0, `verify` must find everything valid, and every file and line of the logs must
+equal those of an undisturbed run.
 Prints the exit codes of every part; exits with 1 at the first difference. Parts that cannot run here are named.
 
 Needs only Python's standard library, and Linux.
@@ -14,6 +15,7 @@ Needs only Python's standard library, and Linux.
 
 import argparse
 import collections
+import itertools
 import pathlib
 import resource
 import shutil
@@ -85,11 +87,15 @@ def calls(study, most):
         # Other names of the same call; the program's own start opens its libraries.
         names = {"rename": "rename,renameat,renameat2", "write": "write,pwrite64,writev"}.get(call, call)
         first = 12 if call == "openat" else 1
-        for number in range(first, first + most):
+        for number in itertools.count(first) if most is None else range(first, first + most):
             folder = study.start()
-            inject = ["strace", "-f", "-o", "/dev/null", "-e", f"trace={names}", "-e", f"inject={names}:error={error}:when={number}"]
+            trace = study.parent / "trace"
+            inject = ["strace", "-f", "-o", trace, "-e", f"trace={names}", "-e", f"inject={names}:error={error}:when={number}"]
             code, message = study.fail(folder, wrapper=inject)
             study.check(folder, f"{call} {number}", code, message, (FAILED, SOME_FAILED, MISSING, DISK_FULL))
+            # The job has no further call of this kind.
+            if "(INJECTED)" not in trace.read_text(errors="replace"):
+                break
             codes[f"{call} {code}"] += 1
     return codes
 
@@ -135,7 +141,7 @@ def disk(study):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("binary", nargs="?", type=pathlib.Path, default=ROOT / "target/release/meniscus")
-    parser.add_argument("--calls", type=int, default=40, help="calls of each kind that fail, one a run")
+    parser.add_argument("--calls", type=int, help="calls of each kind that fail at most, one a run")
     args = parser.parse_args()
     binary = args.binary.resolve()
     can_inject = shutil.which("strace") is not None

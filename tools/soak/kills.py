@@ -3,9 +3,10 @@
 
     tools/soak/kills.py [MENISCUS] [--kills 200] [--seed 1]
 
-A small shot is simulated, meshed and turned into volumes by `shot`, `simulate`, `mesh` and `volume`. Each is killed by SIGKILL after a random
-time, several times in a row, then continued to its end. The folder must then equal that of an undisturbed run: every file byte
-for byte, and every line of the logs but for the seconds that passes took; `verify` must succeed, and no temporary may be left.
+A small shot of water and a rigid body is simulated, meshed and turned into volumes and whitewater by `shot`, `simulate`, `mesh`, `volume` and
+`whitewater`. Each is killed by SIGKILL after a random time, several times in a row, then continued to its end. The folder must then
+equal that of an undisturbed run: every file byte for byte, and every line of the logs but for the seconds that passes took;
+`verify` must succeed, and no temporary may be left.
 Prints the number of kills that hit a running job; exits with 1 at the first difference.
 
 Needs only Python's standard library.
@@ -33,6 +34,11 @@ spacing = 0.08
 [liquid.xsph]
 [[liquid.source]]
 shape = { box = { min = [0, 0, 0], max = [0.8, 0.8, 0.8] } }
+[[body]]
+shape = { sphere = { center = [0, 0, 0], radius = 0.2 } }
+density = 400
+position = [1.2, 0.4, 0.3]
+[whitewater]
 [output]
 mesh = ["ply", "obj"]
 volume = ["density"]
@@ -44,6 +50,7 @@ JOBS = {
     "simulate": (["simulate", "kills.toml", "-o", "out"], []),
     "mesh": (["mesh", "out"], [["simulate", "kills.toml", "-o", "out"]]),
     "volume": (["volume", "out"], [["simulate", "kills.toml", "-o", "out"]]),
+    "whitewater": (["whitewater", "out"], [["simulate", "kills.toml", "-o", "out"]]),
 }
 
 
