@@ -2,13 +2,13 @@
 """Load: many frames, many particles, many runs.
 
     tools/soak/load.py frames    [--count 10000] [--blender PYTHON]   seconds of info, verify, resume and import, and of a tenth of them
-    tools/soak/load.py particles [--spacing "1 cm"] [--frames 1-240]  memory of every frame, simulated, meshed and verified
+    tools/soak/load.py particles [--spacing "1 cm"] [--frames 1-240]  memory of every frame, simulated, meshed, verified and imported
     tools/soak/load.py repeat    [--times 10] [--only PRESET...]      every preset's draft tier, with jittered timing, compared
 
 `--meniscus BINARY` names the program (target/release/meniscus), `-o DIR` keeps the files. Exit code 1: a limit was exceeded.
 
 `frames`: each command takes less than 10 s and at most 1.5 times its tenth's time per frame (plus half a second). PYTHON is one that
-has `bpy`; without it the import is left out.
+has `bpy`, here and for `particles`; without it the import is left out.
 `particles`: peak resident memory while the last tenth of the frames is simulated and meshed within 5 % of that of the first tenth; a
 million particles by default. The memory of `verify` is printed.
 `repeat`: each run has another number of threads and is stopped and continued (SIGSTOP, SIGCONT) at random moments; its files must
@@ -79,11 +79,16 @@ def seconds_of_frames(args, folder, count):
     }.items():
         found[name], _ = timed([args.meniscus, *command, "--progress", "none"])
     if args.blender:
-        script = folder / "import.py"
-        script.write_text(IMPORT.format(extension=str(ROOT / "tools" / "blender"), shot=str(shot / "shot.json")))
-        _, printed = timed([args.blender, script])
-        found["import"] = float(printed.split("import ")[1].split()[0])
+        found["import"] = seconds_of_import(args, folder, shot)
     return found
+
+
+def seconds_of_import(args, folder, shot):
+    """Seconds that Blender takes to import a shot, without its own start."""
+    script = folder / "import.py"
+    script.write_text(IMPORT.format(extension=str(ROOT / "tools" / "blender"), shot=str(shot / "shot.json")))
+    _, printed = timed([args.blender, script])
+    return float(printed.split("import ")[1].split()[0])
 
 
 def frames(args, folder):
@@ -149,6 +154,8 @@ def particles(args, folder):
             failed = True
             line += f"; TOO FEW FRAMES were seen to compare ({len(numbers)})"
         print(line, flush=True)
+    if args.blender:
+        print(f"import: {seconds_of_import(args, folder, shot):.1f} s", flush=True)
     used = sum(path.stat().st_size for path in shot.rglob("*") if path.is_file())
     print(f"files: {used / 1e9:.1f} GB")
     return failed
