@@ -132,8 +132,6 @@ impl<'a, R: Read + Seek> Source<'a, R> {
         wanted: impl Fn(&StreamInfo) -> bool,
     ) -> Result<(Frame, FrameInfo), CacheError> {
         let head = self.head()?;
-        self.check_length(&head)?;
-        self.check_expansion(&head.info)?;
         head.info.expect_memory(self.path, max_memory)?;
         let mut columns = self.columns(&head)?.into_iter();
         let mut streams = Vec::new();
@@ -223,6 +221,9 @@ impl<'a, R: Read + Seek> Source<'a, R> {
         let head =
             parse_header(&header, version, found, self.bytes).map_err(|damage| damage.of(self.path))?;
         self.check_index(&head)?;
+        // Here, so that listing, verifying and reading refuse the same frames.
+        self.check_length(&head)?;
+        self.check_expansion(&head.info)?;
         Ok(head)
     }
 
@@ -260,7 +261,6 @@ impl<'a, R: Read + Seek> Source<'a, R> {
 
     /// Finds every chunk, and compares their heads with the seal.
     fn columns<'h>(&mut self, head: &'h Head) -> Result<Vec<ColumnPlace<'h>>, CacheError> {
-        self.check_length(head)?;
         let end = self.bytes - TRAILER as u64;
         let mut at = head.columns;
         let mut seal = Seal::new(head.checksum);

@@ -134,6 +134,11 @@ impl FileRecords {
         Some((record, &record.files[place]))
     }
 
+    /// The files that have a record, each with the first of its frames.
+    pub(crate) fn files(&self) -> impl Iterator<Item = (FrameIndex, &str)> {
+        self.by_file.iter().map(|(file, &(record, _))| (self.records[record].frame, file.as_str()))
+    }
+
     /// The frames that have a record.
     pub(crate) fn frames(&self) -> impl Iterator<Item = u32> {
         self.records.iter().map(|record| record.frame.0)
@@ -273,19 +278,30 @@ pub(crate) fn compact(out: &ShotFolder, product: &str, control: Control) -> Resu
     let (mut newest, mut described) = (BTreeSet::<String>::new(), BTreeSet::new());
     let mut kept = Vec::new();
     for line in text.lines().rev() {
-        let Ok(record) = serde_json::from_str::<FileRecord>(line) else { continue };
-        let before = newest.len();
-        newest.extend(record.files.into_iter().map(|file| file.file));
+        let Ok(mut record) = serde_json::from_str::<FileRecord>(line) else { continue };
+        let files = record.files.len();
+        record.files.retain(|file| newest.insert(file.file.clone()));
         // Earlier versions recorded no files.
-        let is_new = described.insert((record.name.clone(), record.frame));
-        if newest.len() > before || is_new {
-            kept.push((record.name, record.frame, line));
-        }
+        let is_new = described.insert((record.name.clone(), record.frame)) && files == 0;
+        // Lines are sorted, so that an outdated entry could come after the newer one.
+        let line = match record.files.len() {
+            0 if !is_new => continue,
+            left if left == files => line.to_owned(),
+            _ => with_files(line, &record.files),
+        };
+        kept.push((record.name, record.frame, line));
     }
     kept.reverse();
     kept.sort_by(|a, b| (&a.0, a.1).cmp(&(&b.0, b.1)));
     let kept: String = kept.into_iter().map(|(_, _, line)| format!("{line}\n")).collect();
     if kept == text { Ok(()) } else { ShotFolder::write(path, &kept) }
+}
+
+/// The line of a record with other files.
+fn with_files(line: &str, files: &[RecordedFile]) -> String {
+    let mut fields: Map<String, Value> = serde_json::from_str(line).expect("the line is a record");
+    fields.insert("files".into(), serde_json::to_value(files).expect("a record is plain data"));
+    serde_json::to_string(&fields).expect("a record is plain data")
 }
 
 #[cfg(test)]
@@ -360,5 +376,36 @@ mod tests {
             "a line that was cut short hides no other, and figures of earlier versions stay"
         );
         assert_eq!(FileRecords::read(&out, "mesh").unwrap().state(&out, "mesh/b.ply"), FileState::Valid);
+    }
+
+    #[test]
+    fn a_file_of_several_frames_has_one_line_whichever_frame_is_its_first() {
+        let dir = tempfile::tempdir().unwrap();
+        let out = ShotFolder::new(dir.path());
+        let cancel = CancelToken::new();
+        let control = Control::new(&Silent, &cancel);
+        for (first, bytes) in [(2, b"2-4"), (1, b"1-4"), (3, b"3-4"), (1, b"1-5")] {
+            made(&out, first, "cloth.pc2", bytes);
+            compact(&out, "mesh", control).unwrap();
+            assert_eq!(
+                FileRecords::read(&out, "mesh").unwrap().state(&out, "mesh/cloth.pc2"),
+                FileState::Valid,
+                "made from frame {first}"
+            );
+            assert_eq!(read_lines(&path(&out, "mesh")).unwrap().lines().count(), 1);
+        }
+        // A line of two files, of which one was made again.
+        let mut both = made(&out, 4, "loop.webp", b"loop");
+        both.files.push(made(&out, 4, "contact.png", b"contact").files.remove(0));
+        append(&out, "mesh", &both, &Map::new(), control).unwrap();
+        made(&out, 1, "loop.webp", b"another");
+        compact(&out, "mesh", control).unwrap();
+        for file in ["mesh/loop.webp", "mesh/contact.png", "mesh/cloth.pc2"] {
+            assert_eq!(
+                FileRecords::read(&out, "mesh").unwrap().state(&out, file),
+                FileState::Valid,
+                "{file}"
+            );
+        }
     }
 }

@@ -6,7 +6,7 @@ use super::{
 };
 use crate::frame::FrameIndex;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// One line of the log; `R` is what the simulation reports of a frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -48,15 +48,30 @@ pub(crate) fn append<R: Serialize>(folder: &ShotFolder, line: &LogLine<R>) -> Re
     append_line(&folder.log(), &line)
 }
 
+/// The frames that have a line, of whatever form.
+///
+/// # Errors
+/// If the log cannot be read.
+pub(crate) fn frames(folder: &ShotFolder) -> Result<BTreeSet<u32>, RunError> {
+    let text = read_lines(&folder.log())?;
+    Ok(text
+        .lines()
+        .filter_map(|line| serde_json::from_str::<LineHead>(line).ok())
+        .map(|head| head.frame.0)
+        .collect())
+}
+
+/// What every line has.
+#[derive(Deserialize)]
+struct LineHead {
+    frame: FrameIndex,
+}
+
 /// Drops the lines about frames that `keep` refuses, and a last line that a crash cut short.
 ///
 /// # Errors
 /// If the log cannot be written.
 pub(crate) fn retain(folder: &ShotFolder, keep: impl Fn(FrameIndex) -> bool) -> Result<(), RunError> {
-    #[derive(Deserialize)]
-    struct LineHead {
-        frame: FrameIndex,
-    }
     let text = read_lines(&folder.log())?;
     let kept: String = text
         .lines()

@@ -2,7 +2,7 @@
 
 use super::{Failure, FrameSpan, Manifest, OutputFiles, RunError, ShotFolder, Total};
 use crate::{
-    cache::{self, CacheError, StreamInfo},
+    cache::{self, CacheError, FrameKeys, StreamInfo},
     frame::FrameIndex,
     job::{file_records::FileRecords, log, totals_by_key},
     product,
@@ -106,8 +106,9 @@ pub(crate) fn info(folder: &ShotFolder) -> Result<Info, RunError> {
     };
     let mut log = log::read::<FrameRecord>(folder)?;
     let (mut frames, mut cached) = (Vec::new(), Vec::new());
+    let keys = manifest.as_ref().and_then(Manifest::frame_keys);
     for (index, path) in present {
-        let (state, streams) = frame_state(index, &path);
+        let (state, streams) = frame_state(index, &path, keys.as_ref());
         if state.fault.is_none() {
             let record = log.remove(&index).map(|line| line.record);
             cached.push(CachedFrame { index, streams, record });
@@ -150,7 +151,7 @@ impl Info {
 const MAX_LISTED_MISSING: usize = 1000;
 
 /// The state of a frame and the streams in its header.
-fn frame_state(index: FrameIndex, path: &Path) -> (FrameState, Vec<StreamInfo>) {
+fn frame_state(index: FrameIndex, path: &Path, keys: Option<&FrameKeys>) -> (FrameState, Vec<StreamInfo>) {
     let mut state = FrameState {
         frame: index.0,
         time: 0.0,
@@ -161,7 +162,9 @@ fn frame_state(index: FrameIndex, path: &Path) -> (FrameState, Vec<StreamInfo>) 
         failure: None,
     };
     let mut streams = Vec::new();
-    match cache::read_header(path) {
+    let header = cache::read_header(path)
+        .and_then(|info| keys.map_or(Ok(()), |keys| keys.expect(&info, path)).map(|()| info));
+    match header {
         Ok(info) => {
             state.time = info.time;
             state.bytes = info.bytes;

@@ -8,6 +8,7 @@ use crate::{
     job::{
         batch::{MAX_FRAMES, state_key},
         file_records::{FileRecords, FileState, hex},
+        is_file_name, log,
     },
     product,
 };
@@ -101,33 +102,58 @@ const MAX_LISTED_MISSING: u64 = 1000;
 /// Reads every file of the folder that the manifest names, and every cached frame, to the last byte.
 ///
 /// # Errors
-/// If there is neither a cache nor a manifest, or a list of files cannot be read. What is wrong with files is the result.
+/// If there is neither a cache, a manifest nor what a shot leaves next to them. What is wrong with files is the result, also that the
+/// manifest of a shot is missing.
 pub(crate) fn verify(folder: &ShotFolder) -> Result<Verification, RunError> {
     let manifest = Manifest::read(folder)?;
+    let mut stages = Vec::new();
+    // Products of a lost manifest would write one that names no simulation.
+    let lost = match manifest.as_ref().and_then(Manifest::simulation_key) {
+        Some(_) => None,
+        None => Lost::of(folder, &mut stages),
+    };
     let present = match cache::list(&folder.cache()) {
-        Err(CacheError::NotFound { .. }) if manifest.is_some() => Vec::new(),
+        Err(CacheError::NotFound { .. }) if manifest.is_some() || lost.is_some() => Vec::new(),
         listed => listed?,
     };
     let title =
         manifest.as_ref().map_or_else(|| "Cache without shot.json".into(), |known| known.title.clone());
     let keys = manifest.as_ref().and_then(Manifest::frame_keys);
-    let requested = manifest.as_ref().map_or_else(BTreeSet::new, requested_frames);
-    let (mut stages, mut states) = (Vec::new(), BTreeMap::new());
-    let is_simulated = !present.is_empty() || keys.is_some();
+    let mut requested = manifest.as_ref().map_or_else(BTreeSet::new, requested_frames);
+    if let Some(lost) = &lost {
+        let present: BTreeSet<u32> = present.iter().map(|(index, _)| index.0).collect();
+        stages.push(lost.stage(folder, &present));
+        requested.extend(&lost.frames);
+    }
+    let mut states = BTreeMap::new();
+    let is_simulated = lost.is_some() || !present.is_empty() || keys.is_some();
     if is_simulated {
         let (stage, frames) = cached(folder, &present, &requested, keys.as_ref());
         stages.push(stage);
         states = frames.into_iter().map(|info| (info.index, stream_states(&info))).collect();
     }
     let cache = CacheStates { requested: if is_simulated { requested } else { BTreeSet::new() }, states };
-    let mut records: BTreeMap<&str, FileRecords> = BTreeMap::new();
+    let mut records: BTreeMap<&str, Option<FileRecords>> = BTreeMap::new();
     for output in manifest.iter().flat_map(|manifest| &manifest.outputs) {
         let subfolder = output.pattern.split('/').next().unwrap_or_default();
         let records = match records.entry(subfolder) {
             Entry::Occupied(known) => known.into_mut(),
-            Entry::Vacant(place) => place.insert(FileRecords::read(folder, subfolder)?),
+            Entry::Vacant(place) => place.insert(records_of(folder, subfolder, &mut stages)),
         };
-        stages.push(made(folder, output, subfolder, records, &cache));
+        if let Some(records) = records {
+            stages.push(made(folder, output, subfolder, records, &cache));
+        }
+    }
+    for product in
+        product::ALL.into_iter().filter(|product| lost.is_some() && !records.contains_key(product.name()))
+    {
+        let records = records_of(folder, product.name(), &mut stages);
+        stages.extend(
+            records.and_then(|records| recorded(folder, (product.name(), product.verb()), &records, &cache)),
+        );
+    }
+    for stage in &mut stages {
+        stage.faults.sort_by_key(|fault| fault.frame);
     }
     Ok(Verification { title, stages })
 }
@@ -200,14 +226,7 @@ fn cached(
     keys: Option<&FrameKeys>,
 ) -> (Stage, Vec<FrameInfo>) {
     let file = |frame: u32| format!("cache/frame_{}.mcf", FrameIndex(frame));
-    let mut stage = Stage {
-        stage: "cache".into(),
-        pattern: "cache/frame_{:04}.mcf".into(),
-        valid: 0,
-        faults: Vec::new(),
-        missing: 0,
-        repair: String::new(),
-    };
+    let mut stage = Stage::new("cache", "cache/frame_{:04}.mcf", String::new());
     let mut valid = Vec::new();
     for (index, path) in present {
         let verified = cache::verify_frame(path)
@@ -232,7 +251,12 @@ fn cached(
     lost.dedup();
     let frames = frame_ranges(&lost);
     let foreign = stage.faults.iter().filter(|fault| fault.state == Condition::Foreign).count();
-    let first = if foreign > 0 { "delete the foreign frames, then " } else { "" };
+    let is_folder = present.iter().any(|(_, path)| path.is_dir());
+    let first = match (foreign > 0, is_folder) {
+        (true, _) => "delete the foreign frames, then ",
+        (false, true) => "remove the folders that are named like frames, then ",
+        (false, false) => "",
+    };
     stage.repair = format!("{first}simulate again: meniscus simulate {preset} -o {root} --frames {frames}");
     (stage, valid)
 }
@@ -273,28 +297,9 @@ fn made(
         }
         _ => "make again: the command that made these files".into(),
     };
-    let mut stage = Stage {
-        stage: output.kind.clone(),
-        pattern: output.pattern.clone(),
-        valid: 0,
-        faults: Vec::new(),
-        missing: 0,
-        repair,
-    };
+    let mut stage = Stage::new(&output.kind, &output.pattern, repair);
     let compare = |stage: &mut Stage, frame: u32, file: String| {
-        let (state, why) = match records.state(folder, &file) {
-            FileState::Valid => match stale(records, &file, &cache.states) {
-                None => {
-                    stage.valid += 1;
-                    return;
-                }
-                Some(why) => (Condition::Stale, why),
-            },
-            FileState::Missing => return stage.add_missing([(frame, file)].into_iter()),
-            FileState::Damaged(why) => (Condition::Corrupt, why),
-            FileState::Foreign(why) => (Condition::Foreign, why),
-        };
-        stage.faults.push(Fault { frame, file, state, why });
+        stage.compare(folder, records, &cache.states, (frame, file));
     };
     match output.is_per_frame() {
         true => {
@@ -320,6 +325,24 @@ fn made(
     stage
 }
 
+/// The records of a product's files; `None`, and a stage with that fault, if they cannot be read.
+fn records_of(folder: &ShotFolder, product: &str, stages: &mut Vec<Stage>) -> Option<FileRecords> {
+    let read = FileRecords::read(folder, product);
+    read.map_err(|why| stages.push(unreadable(folder, &format!("{product}.jsonl"), why))).ok()
+}
+
+/// A stage with a list of files, or a log, that cannot be read.
+fn unreadable(folder: &ShotFolder, file: &str, why: RunError) -> Stage {
+    let path = shell_path(&folder.root().join(file));
+    let why = match why {
+        RunError::File { source, .. } => source.to_string(),
+        other => other.to_string(),
+    };
+    let mut stage = Stage::new("records", file, format!("move {path} away, then make its files again"));
+    stage.faults.push(Fault { frame: 0, file: file.into(), state: Condition::Corrupt, why });
+    stage
+}
+
 /// Why a file shows another state than the cached frame of its number; `None` if it does not, or that is not known.
 fn stale(
     records: &FileRecords,
@@ -333,7 +356,100 @@ fn stale(
     is_other.then(|| format!("made from another state of frame {} than is cached", record.frame))
 }
 
+/// What is left of a shot whose manifest is missing, or names no simulation.
+struct Lost {
+    /// The frames with a line in the log, which has none about the first.
+    frames: BTreeSet<u32>,
+}
+
+impl Lost {
+    /// `None` if there is neither a preset nor a log, as in the folder of a cache alone, which other programs may write.
+    fn of(folder: &ShotFolder, stages: &mut Vec<Stage>) -> Option<Self> {
+        let frames = log::frames(folder).unwrap_or_else(|why| {
+            stages.push(unreadable(folder, "log.jsonl", why));
+            BTreeSet::new()
+        });
+        (!frames.is_empty() || folder.preset().exists()).then_some(Self { frames })
+    }
+
+    /// The fault of the manifest, of a shot with these frames.
+    fn stage(&self, folder: &ShotFolder, present: &BTreeSet<u32>) -> Stage {
+        let frames: Vec<u32> = self.frames.union(present).copied().collect();
+        let repair = match folder.preset().exists() {
+            true => {
+                let (root, preset) = (shell_path(folder.root()), shell_path(&folder.preset()));
+                let frames = match frames.is_empty() {
+                    true => String::new(),
+                    false => format!(" --frames {}", frame_ranges(&frames)),
+                };
+                format!(
+                    "simulate again, which keeps valid frames: meniscus simulate {preset} -o {root}{frames}"
+                )
+            }
+            false => "simulate again: the command that made these frames".into(),
+        };
+        let mut stage = Stage::new("shot", "shot.json", repair);
+        stage.missing = 1;
+        let file = "shot.json".to_owned();
+        let why = "or it names no simulation".to_owned();
+        stage.faults.push(Fault { frame: 0, file, state: Condition::Missing, why });
+        stage
+    }
+}
+
+/// Compares the files that a product recorded; `None` if it recorded none.
+fn recorded(
+    folder: &ShotFolder,
+    (product, verb): (&str, &str),
+    records: &FileRecords,
+    cache: &CacheStates,
+) -> Option<Stage> {
+    let repair = format!("make again: meniscus {verb} {}", shell_path(folder.root()));
+    let mut stage = Stage::new(product, &format!("{product}/"), repair);
+    for (frame, file) in records.files() {
+        // Other names are of no product.
+        if file.split_once('/').is_some_and(|(folder, file)| folder == product && is_file(file)) {
+            stage.compare(folder, records, &cache.states, (frame.0, file.to_owned()));
+        }
+    }
+    (stage.valid > 0 || !stage.faults.is_empty()).then_some(stage)
+}
+
+/// Whether this is the name of a file as products give them: a stem and an extension.
+fn is_file(name: &str) -> bool {
+    name.rsplit_once('.').is_some_and(|(stem, extension)| is_file_name(stem) && is_file_name(extension))
+}
+
 impl Stage {
+    /// A stage of which no file was compared.
+    fn new(stage: &str, pattern: &str, repair: String) -> Self {
+        let (stage, pattern) = (stage.into(), pattern.into());
+        Self { stage, pattern, valid: 0, faults: Vec::new(), missing: 0, repair }
+    }
+
+    /// Compares the file of a frame with its record and with the cached frame.
+    fn compare(
+        &mut self,
+        folder: &ShotFolder,
+        records: &FileRecords,
+        states: &BTreeMap<FrameIndex, BTreeSet<String>>,
+        (frame, file): (u32, String),
+    ) {
+        let (state, why) = match records.state(folder, &file) {
+            FileState::Valid => match stale(records, &file, states) {
+                None => {
+                    self.valid += 1;
+                    return;
+                }
+                Some(why) => (Condition::Stale, why),
+            },
+            FileState::Missing => return self.add_missing([(frame, file)].into_iter()),
+            FileState::Damaged(why) => (Condition::Corrupt, why),
+            FileState::Foreign(why) => (Condition::Foreign, why),
+        };
+        self.faults.push(Fault { frame, file, state, why });
+    }
+
     /// Adds files that are not there, with their frames.
     fn add_missing(&mut self, files: impl Iterator<Item = (u32, String)>) {
         for (frame, file) in files {
@@ -342,6 +458,5 @@ impl Stage {
                 self.faults.push(Fault { frame, file, state: Condition::Missing, why: String::new() });
             }
         }
-        self.faults.sort_by_key(|fault| fault.frame);
     }
 }

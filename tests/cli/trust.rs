@@ -164,6 +164,67 @@ fn a_cache_that_lost_frames_is_not_valid() {
 }
 
 #[test]
+fn a_shot_that_lost_its_manifest_is_not_valid_and_what_else_is_lost_is_found() {
+    let desk = Desk::new();
+    desk.run("shot small.toml --frames 1-4", 0);
+    for file in ["shot.json", "cache/frame_0002.mcf", "mesh/liquid_0003.ply"] {
+        fs::remove_file(desk.path("small").join(file)).unwrap();
+    }
+    fs::write(desk.path("small/mesh/liquid_0004.ply"), "cut").unwrap();
+    let (out, talk) = desk.run("verify small", 12);
+    let named = [
+        "shot.json: missing",
+        "cache/frame_0002.mcf: missing",
+        "liquid_0003.ply: missing",
+        "liquid_0004.ply: corrupt",
+    ];
+    assert!(named.into_iter().all(|file| talk.contains(file)), "{out}{talk}");
+    assert!(talk.contains("meniscus simulate"), "{talk}");
+    // A product alone does not hide it: its manifest names no simulation.
+    desk.run("mesh small", 0);
+    let (_, talk) = desk.run("verify small", 10);
+    assert!(talk.contains("shot.json: missing"), "{talk}");
+    // What it advises helps.
+    let advice = talk.lines().find_map(|line| line.split_once("meniscus simulate ")).unwrap().1;
+    assert!(advice.ends_with("--frames 1-4"), "{advice}");
+    desk.run(&format!("simulate {}", advice.replace('\'', "")), 0);
+    desk.run("mesh small", 0);
+    desk.run("verify small", 0);
+    // A shot that lost both, and one whose log cannot be read.
+    desk.run("simulate small.toml --frames 1-4 -o other", 0);
+    fs::remove_file(desk.path("other/shot.json")).unwrap();
+    fs::rename(desk.path("other/cache"), desk.path("aside")).unwrap();
+    let (_, talk) = desk.run("verify other", 10);
+    assert!(talk.contains("shot.json: missing") && talk.contains("cache/frame_0002.mcf: missing"), "{talk}");
+    fs::rename(desk.path("aside"), desk.path("other/cache")).unwrap();
+    fs::remove_file(desk.path("other/log.jsonl")).unwrap();
+    fs::create_dir(desk.path("other/log.jsonl")).unwrap();
+    let (out, talk) = desk.run("verify other", 12);
+    assert!(out.contains("cache      4 valid") && talk.contains("log.jsonl: corrupt"), "{out}{talk}");
+    // A cache alone, as the library writes it, has nothing to miss.
+    crafted(&desk, "good");
+    desk.run("verify shot", 0);
+    // Records that cannot be read are a fault of their own.
+    fs::remove_file(desk.path("small/mesh.jsonl")).unwrap();
+    fs::create_dir(desk.path("small/mesh.jsonl")).unwrap();
+    let (out, talk) = desk.run("verify small", 12);
+    assert!(out.contains("cache      4 valid") && talk.contains("mesh.jsonl: corrupt"), "{out}{talk}");
+}
+
+#[test]
+fn a_file_of_several_frames_is_valid_whichever_frame_it_begins_with() {
+    let desk = Desk::new();
+    desk.run("shot small.toml --frames 1-4", 0);
+    let first = desk.path("small/cache/frame_0001.mcf");
+    let bytes = fs::read(&first).unwrap();
+    fs::write(&first, "damaged").unwrap();
+    desk.run("preview small", 12);
+    fs::write(&first, bytes).unwrap();
+    desk.run("preview small", 0);
+    desk.run("verify small", 0);
+}
+
+#[test]
 fn frames_that_were_not_requested_are_not_missing() {
     let desk = Desk::new();
     desk.run("simulate small.toml --frames 1,2,4", 0);
