@@ -67,11 +67,7 @@ pub(super) fn wedge(args: &WedgeArgs, control: Control) -> Result<(), RunError> 
                 control.reporter.stop();
                 let kind =
                     if matches!(why, RunError::OverMemory { .. }) { Failure::Memory } else { Failure::Other };
-                failed.push(FailedFrame {
-                    name: format!("wedge {}, {label}", place + 1),
-                    why: why.to_string(),
-                    kind,
-                });
+                failed.push(FailedFrame { name: list.numbered(place), why: why.to_string(), kind });
             }
             Err(why) => return Err(why),
         }
@@ -79,9 +75,20 @@ pub(super) fn wedge(args: &WedgeArgs, control: Control) -> Result<(), RunError> 
     // Where every wedge failed there may be nothing to compare.
     match compare(&root, &list, args, control) {
         Err(RunError::Interrupted) => Err(RunError::Interrupted),
-        _ if !failed.is_empty() => Err(RunError::WedgesFailed { failed, all: shots.len() }),
-        compared => compared,
+        Err(why) if failed.is_empty() => Err(why),
+        Err(_) => Err(RunError::WedgesFailed { failed, all: shots.len() }),
+        Ok(found) => outcome(failed, found, shots.len()),
     }
+}
+
+/// The result of wedges of which some `failed` when they were made, and others were `found` to be wrong.
+fn outcome(mut failed: Vec<FailedFrame>, found: Vec<FailedFrame>, all: usize) -> Result<(), RunError> {
+    for fault in found {
+        if failed.iter().all(|known| known.name != fault.name) {
+            failed.push(fault);
+        }
+    }
+    if failed.is_empty() { Ok(()) } else { Err(RunError::WedgesFailed { failed, all }) }
 }
 
 /// Simulates a wedge and writes its outputs.
@@ -112,7 +119,7 @@ fn compare_existing(args: &WedgeArgs, control: Control) -> Result<(), RunError> 
     }
     let root = Path::new(&args.preset);
     match WedgeList::read(root)? {
-        Some(list) => compare(root, &list, args, control),
+        Some(list) => outcome(Vec::new(), compare(root, &list, args, control)?, list.wedges.len()),
         None => Err(RunError::Request(format!(
             "{}: found no wedges.json and no preset; name a preset and --set KEY=A,B",
             root.display()
@@ -120,16 +127,23 @@ fn compare_existing(args: &WedgeArgs, control: Control) -> Result<(), RunError> 
     }
 }
 
-/// Draws the contact sheet and writes the tables.
-fn compare(root: &Path, list: &WedgeList, args: &WedgeArgs, control: Control) -> Result<(), RunError> {
-    let rows = wedge::rows(root, list)?;
-    let (pictures, outside) = wedge::draw_wedges(root, list, args.at.as_ref(), args.max_memory, control)?;
-    if outside > 0 {
+/// Draws the contact sheet, writes the tables, and returns what is wrong with wedges.
+fn compare(
+    root: &Path,
+    list: &WedgeList,
+    args: &WedgeArgs,
+    control: Control,
+) -> Result<Vec<FailedFrame>, RunError> {
+    let rows = wedge::rows(root, list, control)?;
+    let page = wedge::draw_wedges(root, list, &rows, args.at.as_ref(), args.max_memory, control)?;
+    if page.outside > 0 {
+        let outside = page.outside;
         control.reporter.note(&format!("{outside} particles are outside the pictures of the contact sheet"));
     }
     let tables = wedge::write(root, list, &rows)?;
-    for path in [pictures].iter().chain(&tables) {
+    for path in [page.path].iter().chain(&tables) {
         print(&path.display().to_string());
     }
-    Ok(())
+    let faults = rows.into_iter().filter_map(|row| row.fault);
+    Ok(faults.chain(page.unread).collect())
 }

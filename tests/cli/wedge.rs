@@ -89,6 +89,65 @@ fn a_wedge_that_fails_leaves_the_others() {
 }
 
 #[test]
+fn wedges_that_are_not_what_the_list_names_are_no_success() {
+    let desk = Desk::new();
+    desk.run("wedge small.toml --set liquid.iterations=3,6 --frames 1-3 -o wedges", 0);
+    let [three, six] = ["wedges/iterations-3", "wedges/iterations-6"].map(|folder| desk.path(folder));
+    let compare = |code: i32, expected: &str| {
+        let (out, talk) = desk.run("wedge wedges", code);
+        assert!(out.contains("contact-sheet.png") && talk.contains(expected), "{talk}");
+        let page = fs::read_to_string(desk.path("wedges/wedges.html")).unwrap();
+        (talk, page)
+    };
+    // Folders that were exchanged, and one frame of another wedge, which has the same number of particles.
+    let aside = desk.path("aside");
+    fs::rename(&three, &aside).unwrap();
+    fs::rename(&six, &three).unwrap();
+    fs::rename(&aside, &six).unwrap();
+    let (talk, page) = compare(14, "2 of 2 wedges failed");
+    assert!(
+        talk.contains("preset.toml has other values") && page.contains("preset.toml has other values"),
+        "{talk}"
+    );
+    let csv = fs::read_to_string(desk.path("wedges/wedges.csv")).unwrap();
+    assert!(csv.lines().nth(1).unwrap().starts_with("1,iterations-3,3,0,0,0.000,0,"), "{csv}");
+    fs::rename(&three, &aside).unwrap();
+    fs::rename(&six, &three).unwrap();
+    fs::rename(&aside, &six).unwrap();
+    compare_is_sound(&desk);
+    let frame = |folder: &std::path::Path| folder.join("cache/frame_0002.mcf");
+    let own = fs::read(frame(&three)).unwrap();
+    fs::copy(frame(&six), frame(&three)).unwrap();
+    compare(14, "a frame of another simulation");
+    // A byte that only reading the whole frame shows, a frame that is missing, and no frame at all.
+    let mut damaged = own.clone();
+    let middle = damaged.len() / 2;
+    damaged[middle] ^= 1;
+    fs::write(frame(&three), damaged).unwrap();
+    compare(12, "wedge 1, liquid.iterations=3");
+    fs::remove_file(frame(&three)).unwrap();
+    let (_, page) = compare(3, "missing frames: 2");
+    assert!(page.contains("missing frames: 2"), "{page}");
+    fs::write(frame(&three), own).unwrap();
+    compare_is_sound(&desk);
+    fs::remove_dir_all(&six).unwrap();
+    compare(3, "wedge 2, liquid.iterations=6: not simulated");
+}
+
+#[test]
+fn settings_within_a_setting_that_varies_are_those_of_the_wedge() {
+    let desk = Desk::new();
+    let line = "wedge small.toml --set world.gravity=[0,0,-9],[0,0,-5] --set world.gravity.0=1 --frames 1-2 -o wedges";
+    desk.run(line, 0);
+    compare_is_sound(&desk);
+}
+
+fn compare_is_sound(desk: &Desk) {
+    let (_, talk) = desk.run("wedge wedges", 0);
+    assert!(!talk.contains("failed"), "{talk}");
+}
+
+#[test]
 fn what_every_wedge_failed_of_is_reported_although_there_is_nothing_to_compare() {
     let desk = Desk::new();
     let (_, talk) = desk.run(&format!("{LINE} --max-memory 1MiB"), 33);

@@ -57,7 +57,14 @@ pub(crate) fn lay_out(preset: &Preset, quality: Option<Quality>, set: &[Vary]) -
     let folders = folders(&varied_keys, &all);
     let wedges = folders.into_iter().zip(all).map(|(folder, values)| Wedge { folder, values }).collect();
     let title = scenes.first().map_or("", |scene| &scene.title);
-    let list = WedgeList::new(title, varied_keys, wedges);
+    let mut list = WedgeList::new(title, varied_keys, wedges);
+    if varied.contains(&false) {
+        let setting = |(place, key): (usize, &String)| match varied[place] {
+            true => key.clone(),
+            false => format!("{key}={}", values[0][place]),
+        };
+        list.set = keys.iter().enumerate().map(setting).collect();
+    }
     list.check()
         .map_err(|found| RunError::Request(format!("--set: {found}; put long values into a preset")))?;
     Ok(Layout { list, scenes })
@@ -138,6 +145,13 @@ mod tests {
         let liquid = |place: usize| scenes[place].liquid.clone().unwrap();
         assert_eq!((liquid(1).cfl, liquid(1).iterations, scenes[1].fps), (0.4, Some(9), 25.0));
         assert_eq!((liquid(2).cfl, liquid(2).iterations), (0.8, Some(4)));
+        for (place, wedge) in list.wedges.iter().enumerate() {
+            let settings = list.settings(wedge);
+            assert!(settings.len() == 4 && settings[1] == "fps=25", "{settings:?}");
+            let preset = load("dam-break").unwrap();
+            let scene = Scene::from_preset(&preset, &Overrides { quality: None, set: settings }).unwrap();
+            assert_eq!(scene, scenes[place]);
+        }
         let plain = of(&[]).unwrap();
         assert_eq!((plain.list.wedges[0].folder.as_str(), plain.scenes.len()), ("as-written", 1));
     }

@@ -23,6 +23,9 @@ pub(crate) struct WedgeList {
     pub title: String,
     /// The keys that differ, in the order in which they were given.
     pub keys: Vec<String>,
+    /// All settings in the order in which they were given: those that differ by their key, the others as `KEY=VALUE`. None if all differ.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub set: Vec<String>,
     /// The wedges, the last key varying fastest.
     pub wedges: Vec<Wedge>,
 }
@@ -46,13 +49,19 @@ const MAX_BYTES: u64 = 4 << 20;
 /// Characters of a key or a value.
 const MAX_CHARACTERS: usize = 200;
 
+/// Settings that a list may have.
+const MAX_SETTINGS: usize = 1000;
+
+/// Length of a setting that is the same in all [bytes].
+const MAX_SETTING: usize = 100_000;
+
 /// Wedges that a folder may have: each is a shot.
 pub(crate) const MAX_WEDGES: usize = 1000;
 
 impl WedgeList {
     /// The list of a shot's wedges.
     pub(crate) fn new(title: &str, keys: Vec<String>, wedges: Vec<Wedge>) -> Self {
-        Self { format: FORMAT.into(), version: VERSION, title: title.into(), keys, wedges }
+        Self { format: FORMAT.into(), version: VERSION, title: title.into(), keys, set: Vec::new(), wedges }
     }
 
     /// Where the list of a folder is.
@@ -109,6 +118,11 @@ impl WedgeList {
             return Err(format!("found {} wedges, expected 1 to {MAX_WEDGES}", self.wedges.len()));
         }
         let texts = self.keys.iter().chain(self.wedges.iter().flat_map(|wedge| &wedge.values));
+        if self.set.len() > MAX_SETTINGS || self.set.iter().any(|set| set.len() > MAX_SETTING) {
+            return Err(format!(
+                "found more than {MAX_SETTINGS} settings, or one of more than {MAX_SETTING} bytes"
+            ));
+        }
         if let Some(text) = texts.map(|text| text.chars().count()).find(|count| *count > MAX_CHARACTERS) {
             return Err(format!(
                 "found a key or value of {text} characters, expected at most {MAX_CHARACTERS}"
@@ -116,8 +130,11 @@ impl WedgeList {
         }
         let mut folders = BTreeSet::new();
         for Wedge { folder, values } in &self.wedges {
-            if !is_file_name(folder) {
-                return Err(format!("found the folder {folder:?}, expected a name in this folder"));
+            // A dash at the start would be an option of the commands that a farm runs.
+            if !is_file_name(folder) || folder.starts_with('-') {
+                return Err(format!(
+                    "found the folder {folder:?}, expected a name in this folder that does not begin with a dash"
+                ));
             }
             // Some file systems do not distinguish capitals from small letters.
             if !folders.insert(folder.to_ascii_lowercase()) {
@@ -158,6 +175,24 @@ impl WedgeList {
         ShotFolder::write(Self::path(folder), &text)
     }
 
+    /// The settings of a wedge, as `--set` takes them.
+    pub(crate) fn settings(&self, wedge: &Wedge) -> Vec<String> {
+        let mut varied = self.keys.iter().zip(&wedge.values).map(|(key, value)| format!("{key}={value}"));
+        if self.set.is_empty() {
+            return varied.collect();
+        }
+        let setting = |given: &String| match given.contains('=') {
+            true => Some(given.clone()),
+            false => varied.next(),
+        };
+        self.set.iter().filter_map(setting).collect()
+    }
+
+    /// The number of a wedge, and what distinguishes it: `wedge 2, liquid.cfl=0.4`.
+    pub(crate) fn numbered(&self, place: usize) -> String {
+        format!("wedge {}, {}", place + 1, self.label(&self.wedges[place]))
+    }
+
     /// What distinguishes a wedge, in words: `liquid.cfl=0.4  liquid.spacing=0.05`.
     pub(crate) fn label(&self, wedge: &Wedge) -> String {
         let part = |(key, value): (&String, &String)| format!("{key}={value}");
@@ -192,6 +227,7 @@ mod tests {
         assert!(
             crafted(&good.replace("\"0.4\"", &format!("\"{}\"", "4".repeat(201)))).contains("201 characters")
         );
+        assert!(crafted(&good.replace("cfl-0p4", "-cfl")).contains("a dash"));
         let wedge = "{\"folder\":\"cfl-0p4\",\"values\":[\"0.4\"]}";
         let twice = format!("{wedge},{}", wedge.replace("cfl", "CFL"));
         assert!(crafted(&good.replace(wedge, &twice)).contains("twice"));

@@ -3,6 +3,7 @@
 //! A wedge is an ordinary shot: it resumes, is meshed and verified as any other, here or on a farm. What compares them, the contact
 //! sheet (`pictures.rs`) and the table (`table.rs`), is made of what the folders hold.
 
+mod faults;
 mod layout;
 mod list;
 mod pictures;

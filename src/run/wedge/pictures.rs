@@ -1,15 +1,18 @@
 //! The contact sheet: a picture of every wedge at the same frames, from the same place.
 
-use super::list::WedgeList;
+use super::{faults, list::WedgeList, table::WedgeRow};
 use crate::{
     cache::{self, CacheError},
     control::printable,
     frame::{Frame, FrameIndex},
     image::{Canvas, View, draw, extent, text_lines},
-    job::{Control, RunError, ShotFolder},
+    job::{Control, FailedFrame, Failure, RunError, ShotFolder},
     preset::Frames,
 };
-use std::path::{Path, PathBuf};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
 
 /// Frames of a wedge that a contact sheet shows at most.
 pub(crate) const MAX_FRAMES: u64 = 12;
@@ -44,18 +47,36 @@ enum Tile {
     Missing(String),
 }
 
+/// Why a frame is not drawn.
+struct NotDrawn {
+    why: String,
+    kind: Failure,
+}
+
+/// The contact sheet.
+pub(crate) struct ContactPage {
+    /// Where the sheet was written.
+    pub(crate) path: PathBuf,
+    /// Particles outside the pictures.
+    pub(crate) outside: u64,
+    /// Wedges with frames that cannot be read, each with the first of them.
+    pub(crate) unread: Vec<FailedFrame>,
+}
+
 /// Draws the wedges of a list at some frames into `contact-sheet.png`; by default at three frames, the last among them. Returns the
-/// file and how many particles are outside the pictures.
+/// file, how many particles are outside the pictures, and which wedges have frames that cannot be read. Wedges that hold
+/// another shot than the list has are not drawn.
 ///
 /// # Errors
 /// If no frame can be drawn, or the file cannot be written.
 pub(crate) fn draw_wedges(
     root: &Path,
     list: &WedgeList,
+    rows: &[WedgeRow],
     at: Option<&Frames>,
     max_memory: Option<u64>,
     control: Control,
-) -> Result<(PathBuf, u64), RunError> {
+) -> Result<ContactPage, RunError> {
     let shots = list.shots(root)?;
     let maximum = MAX_PICTURES / shots.len().max(1);
     let frames = match at {
@@ -79,13 +100,21 @@ pub(crate) fn draw_wedges(
     let mut view: Option<View> = None;
     control.reporter.begin("compare", 2 * shots.len() * frames.len());
     let mut done = 0.0;
-    let mut each = |act: &mut dyn FnMut(usize, Result<Frame, String>)| {
+    let foreign = |place: usize| {
+        let fault = rows[place].fault.as_ref().filter(|fault| fault.kind == Failure::Foreign)?;
+        Some(fault.why.clone())
+    };
+    let mut each = |act: &mut dyn FnMut(usize, Result<Frame, NotDrawn>)| {
         for (place, shot) in shots.iter().enumerate() {
             for &index in &frames {
                 if control.cancel.is_cancelled() {
                     return Err(RunError::Interrupted);
                 }
-                act(place, read(shot, index, max_memory));
+                let frame = match foreign(place) {
+                    Some(why) => Err(NotDrawn { why, kind: Failure::Foreign }),
+                    None => read(shot, index, max_memory),
+                };
+                act(place, frame);
                 done += 1.0;
                 control.reporter.progress(done);
             }
@@ -98,7 +127,7 @@ pub(crate) fn draw_wedges(
     })?;
     let size = tile_size(shots.len() * frames.len());
     let mut tiles: Vec<Vec<Tile>> = shots.iter().map(|_| Vec::new()).collect();
-    let mut outside = 0;
+    let (mut outside, mut unread) = (0, BTreeMap::new());
     each(&mut |place, frame| {
         let tile = match (frame, view) {
             (Ok(frame), Some(view)) => {
@@ -107,7 +136,12 @@ pub(crate) fn draw_wedges(
                 Tile::Drawn(canvas)
             }
             (Ok(_), None) => Tile::Missing("nothing to draw".into()),
-            (Err(why), _) => Tile::Missing(why),
+            (Err(NotDrawn { why, kind }), _) => {
+                if kind != Failure::Missing {
+                    unread.entry(place).or_insert_with(|| faults::named(list, place, (kind, why.clone())));
+                }
+                Tile::Missing(why)
+            }
         };
         tiles[place].push(tile);
     })?;
@@ -119,7 +153,7 @@ pub(crate) fn draw_wedges(
         next: "check that the folder can be written and the disk has free space",
     })?;
     control.reporter.end();
-    Ok((path, outside))
+    Ok(ContactPage { path, outside, unread: unread.into_values().collect() })
 }
 
 /// A third, two thirds and the end of the frames that some shot has; the last of them if there is no place for more.
@@ -133,11 +167,13 @@ fn thirds(shots: &[ShotFolder], maximum: usize) -> Vec<FrameIndex> {
     places.into_iter().map(|place| longest[place].0).collect()
 }
 
-fn read(shot: &ShotFolder, index: FrameIndex, max_memory: Option<u64>) -> Result<Frame, String> {
+fn read(shot: &ShotFolder, index: FrameIndex, max_memory: Option<u64>) -> Result<Frame, NotDrawn> {
     match cache::read_frame_within(&cache::frame_path(&shot.cache(), index), max_memory) {
         Ok((frame, _)) => Ok(frame),
-        Err(CacheError::NotFound { .. }) => Err("not simulated".into()),
-        Err(why) => Err(why.to_string()),
+        Err(CacheError::NotFound { .. }) => {
+            Err(NotDrawn { why: "not simulated".into(), kind: Failure::Missing })
+        }
+        Err(why) => Err(NotDrawn { kind: Failure::of(&why), why: why.to_string() }),
     }
 }
 

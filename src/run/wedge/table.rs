@@ -1,10 +1,10 @@
 //! The wedges as a table: CSV for spreadsheets, a page to look at.
 
-use super::list::{Wedge, WedgeList};
+use super::{faults, list::WedgeList};
 use crate::{
     cache::{self, CacheError},
     job::{
-        RunError, ShotFolder, log,
+        Control, FailedFrame, Failure, RunError, ShotFolder, log,
         tradeoff::{csv_line, escaped},
     },
     run::info,
@@ -22,8 +22,8 @@ pub(crate) struct WedgeRow {
     values: Vec<String>,
     /// Frames that are there, and frames that were requested.
     pub(crate) frames: [u64; 2],
-    /// Whether the folder could be read.
-    is_readable: bool,
+    /// What is wrong with it, if anything is.
+    pub(crate) fault: Option<FailedFrame>,
     /// Time of the passes of all frames [s].
     seconds: f64,
     /// Particles of the last frame.
@@ -34,38 +34,46 @@ pub(crate) struct WedgeRow {
     lines: Vec<String>,
 }
 
-/// What the folders of a list hold.
+/// What the folders of a list hold, and what is wrong with each. Of the frames only the headers are read.
 ///
 /// # Errors
-/// If a folder is a link that leads out. One that is not simulated yet has no figures, and one that cannot be read why.
-pub(crate) fn rows(root: &Path, list: &WedgeList) -> Result<Vec<WedgeRow>, RunError> {
+/// If a folder is a link that leads out; if cancelled.
+pub(crate) fn rows(root: &Path, list: &WedgeList, control: Control) -> Result<Vec<WedgeRow>, RunError> {
     let shots = list.shots(root)?;
-    Ok(list.wedges.iter().zip(&shots).map(|(wedge, shot)| row(shot, wedge)).collect())
+    let row = |(place, shot): (usize, &ShotFolder)| match control.cancel.is_cancelled() {
+        true => Err(RunError::Interrupted),
+        false => Ok(row(shot, list, place)),
+    };
+    shots.iter().enumerate().map(row).collect()
 }
 
-fn row(shot: &ShotFolder, wedge: &Wedge) -> WedgeRow {
+fn row(shot: &ShotFolder, list: &WedgeList, place: usize) -> WedgeRow {
+    let wedge = &list.wedges[place];
     let mut row = WedgeRow {
         folder: wedge.folder.clone(),
         values: wedge.values.clone(),
         frames: [0, 0],
-        is_readable: true,
+        fault: None,
         seconds: 0.0,
         particles: 0,
         figures: Vec::new(),
         lines: Vec::new(),
     };
-    if let Err(why) = fill(&mut row, shot) {
-        (row.is_readable, row.lines) = (false, vec![why.to_string()]);
-    }
+    let fault = match cache::list(&shot.cache()) {
+        Err(CacheError::NotFound { .. }) => Some((Failure::Other, "not simulated".to_owned())),
+        Err(why) => Some((Failure::of(&why), why.to_string())),
+        // Figures of another shot would be under the wrong values.
+        Ok(_) => match faults::of_values(shot, list, wedge) {
+            Some(foreign) => Some(foreign),
+            None => fill(&mut row, shot).unwrap_or_else(|why| Some((Failure::Other, why.to_string()))),
+        },
+    };
+    row.fault = fault.map(|fault| faults::named(list, place, fault));
     row
 }
 
-/// Adds what is known of a shot.
-fn fill(row: &mut WedgeRow, shot: &ShotFolder) -> Result<(), RunError> {
-    match cache::list(&shot.cache()) {
-        Err(CacheError::NotFound { .. }) => return Ok(()),
-        listed => _ = listed?,
-    }
+/// Adds what is known of a shot, and returns the gravest fault of its frames.
+fn fill(row: &mut WedgeRow, shot: &ShotFolder) -> Result<Option<(Failure, String)>, RunError> {
     let found = info::info(shot)?;
     let sound = found.frames.iter().filter(|frame| frame.fault.is_none());
     row.frames = [sound.count() as u64, found.frames.len() as u64 + found.missing_count];
@@ -76,7 +84,7 @@ fn fill(row: &mut WedgeRow, shot: &ShotFolder) -> Result<(), RunError> {
     }
     let log = log::read::<FrameRecord>(shot)?;
     row.seconds = log.values().flat_map(|line| &line.record.seconds).map(|(_, seconds)| seconds).sum();
-    Ok(())
+    Ok(faults::of_frames(shot, &found))
 }
 
 /// The numbers in a JSON value by their dotted keys.
@@ -93,9 +101,10 @@ fn numbers(key: &str, value: &Value, found: &mut Vec<(String, f64)>) {
 impl WedgeRow {
     /// How far it is.
     fn state(&self) -> String {
+        if let Some(fault) = &self.fault {
+            return fault.why.clone();
+        }
         match self.frames {
-            _ if !self.is_readable => "cannot be read".into(),
-            [0, _] => "not simulated".into(),
             [present, all] if present < all => format!("{present} of {all} frames"),
             [all, _] => format!("{all} frames"),
         }
@@ -121,7 +130,7 @@ fn csv(list: &WedgeList, rows: &[WedgeRow]) -> String {
             figures.push(key);
         }
     }
-    let own = ["frames", "requested_frames", "seconds", "particles"].map(str::to_owned);
+    let own = ["frames", "requested_frames", "seconds", "particles", "state"].map(str::to_owned);
     let head: Vec<String> = ["number", "folder"]
         .map(str::to_owned)
         .into_iter()
@@ -133,7 +142,7 @@ fn csv(list: &WedgeList, rows: &[WedgeRow]) -> String {
         let mut fields = vec![(place + 1).to_string(), row.folder.clone()];
         fields.extend(row.values.iter().cloned());
         fields.extend(row.frames.map(|count| count.to_string()));
-        fields.extend([format!("{:.3}", row.seconds), row.particles.to_string()]);
+        fields.extend([format!("{:.3}", row.seconds), row.particles.to_string(), row.state()]);
         let figure = |key: &&String| {
             let found = row.figures.iter().find(|(other, _)| other == *key);
             found.map_or_else(String::new, |(_, number)| number.to_string())
@@ -178,24 +187,27 @@ fn html(list: &WedgeList, rows: &[WedgeRow]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::list::Wedge;
     use super::*;
+    use crate::{control::CancelToken, job::Silent};
 
     #[test]
     fn tables_hold_what_the_folders_have_and_quote_it() {
         let dir = tempfile::tempdir().unwrap();
         let wedge = Wedge { folder: "a".into(), values: vec!["[0, 1]".into()] };
         let list = WedgeList::new("<b>Dam</b>", vec!["world.x".into()], vec![wedge]);
-        let mut rows = rows(dir.path(), &list).unwrap();
+        let mut rows = rows(dir.path(), &list, Control::new(&Silent, &CancelToken::new())).unwrap();
         assert_eq!(
             csv(&list, &rows),
-            "number,folder,world.x,frames,requested_frames,seconds,particles\n1,a,\"[0, 1]\",0,0,0.000,0\n"
+            "number,folder,world.x,frames,requested_frames,seconds,particles,state\n1,a,\"[0, 1]\",0,0,0.000,0,not simulated\n"
         );
-        assert!(html(&list, &rows).contains("not simulated") && !html(&list, &rows).contains("<b>"));
+        assert!(html(&list, &rows).contains("<td>not simulated") && !html(&list, &rows).contains("<b>"));
+        rows[0].fault = None;
         let value = serde_json::json!({ "max": 0.5, "in": { "deep": 2 }, "text": "x" });
         numbers("liquid", &value, &mut rows[0].figures);
         rows[0].frames = [3, 5];
-        assert!(csv(&list, &rows).contains("particles,liquid.max,liquid.in.deep\n"));
-        assert!(csv(&list, &rows).ends_with(",0.5,2\n"));
+        assert!(csv(&list, &rows).contains("particles,state,liquid.max,liquid.in.deep\n"));
+        assert!(csv(&list, &rows).ends_with(",3 of 5 frames,0.5,2\n"));
         assert!(html(&list, &rows).contains("3 of 5 frames"));
     }
 }
