@@ -32,6 +32,8 @@ pub(super) struct Content {
     pub(super) made_of: Vec<String>,
     /// What is not shown, and why.
     pub(super) notes: Vec<String>,
+    /// Whether a file that it should show could not be read.
+    pub(super) is_incomplete: bool,
 }
 
 /// What the picture of a frame shows.
@@ -48,7 +50,7 @@ pub(super) fn content(
 ) -> Result<Content, RunError> {
     let mut model = Model::empty(stage.bounds);
     (model.ground, model.is_dark) = (stage.ground, stage.is_dark);
-    let mut content = Content { model, made_of: Vec::new(), notes: Vec::new() };
+    let mut content = Content { model, made_of: Vec::new(), notes: Vec::new(), is_incomplete: false };
     let mut cloths = 0;
     for stream in &frame.streams {
         match stream.kind {
@@ -76,7 +78,10 @@ pub(super) fn content(
                 content.model.balls.push(points);
             }
             Err(why @ RunError::OverMemory { .. }) => return Err(why),
-            Err(why) => content.notes.push(format!("points are not shown: {why}")),
+            Err(why) => {
+                content.is_incomplete = true;
+                content.notes.push(format!("points are not shown: {why}"));
+            }
         }
     }
     let poses = body_poses(&frame.streams);
@@ -112,7 +117,10 @@ impl Content {
                     self.add_surface(mesh);
                     return Ok(());
                 }
-                Err(why) => self.notes.push(format!("shown by a draft surface: {why}")),
+                Err(why) => {
+                    self.is_incomplete = true;
+                    self.notes.push(format!("shown by a draft surface: {why}"));
+                }
             }
         }
         let colors = stage.colors.of_particles(stream).unwrap_or_else(|why| {

@@ -208,6 +208,8 @@ struct Drawn {
     picture: Canvas,
     made_of: Vec<String>,
     notes: Vec<String>,
+    /// Whether a file that it should show could not be read.
+    is_incomplete: bool,
 }
 
 impl<'a> Writer<'a> {
@@ -281,14 +283,14 @@ impl<'a> Writer<'a> {
         self.batch.check_memory(None, estimate)?;
         let (cancel, max_memory) = (control.cancel, self.batch.max_memory);
         let made = content(&self.stage, &frame, &self.files, &shown.files, max_memory, cancel)?;
-        let Content { model, made_of, mut notes } = made;
+        let Content { model, made_of, mut notes, is_incomplete } = made;
         let (mut picture, left_out) = render(&model, &self.stage.view, size, cancel);
         if cancel.is_cancelled() {
             return Err(RunError::Interrupted);
         }
         caption(&mut picture, &self.stage, (frame.index, frame.time), self.fps);
         notes.extend(remark(left_out));
-        Ok(Drawn { picture, made_of, notes })
+        Ok(Drawn { picture, made_of, notes, is_incomplete })
     }
 
     /// Writes the picture of each frame that is not up to date, and adds the numbers of those that failed to `failed`.
@@ -330,7 +332,7 @@ impl<'a> Writer<'a> {
         let shown = self.shown(path)?;
         let size = self.params.size;
         let key = xxh3_64(format!("{size:?} {}", shown.text).as_bytes());
-        let target = FileTarget { index: outcome.index, name: "frame".into(), key, state: shown.state() };
+        let mut target = FileTarget { index: outcome.index, name: "frame".into(), key, state: shown.state() };
         let output = OutputFiles::of(KIND, Preview.name(), &target.name, "png", target.index);
         let kept = FrameFiles { outputs: vec![output.clone()], written: None, stale: Vec::new() };
         if !self.batch.force && kept.are_recorded(self.out, &self.records, &target) {
@@ -340,7 +342,9 @@ impl<'a> Writer<'a> {
             }
             return Ok(());
         }
-        let Drawn { picture, made_of, notes } = self.draw(path, &shown, size, control)?;
+        let Drawn { picture, made_of, notes, is_incomplete } = self.draw(path, &shown, size, control)?;
+        // Another key, so that it is drawn again.
+        target.key = if is_incomplete { !key } else { key };
         let index = outcome.index;
         outcome.notes.extend(notes.into_iter().map(|note| format!("frame {index}: {note}")));
         control.reporter.picture(&picture);
@@ -379,7 +383,7 @@ impl<'a> Writer<'a> {
         // A caller that shows pictures of what is kept sees those of the contact sheet.
         let is_contact_drawn = !is_contact_kept || self.params.shows_kept && !self.params.frames;
         let is_drawn = |place: usize| !is_loop_kept || is_contact_drawn && places.contains(&place);
-        let mut drawn: Vec<(usize, Canvas)> = Vec::new();
+        let (mut drawn, mut incomplete): (Vec<(usize, Canvas)>, _) = (Vec::new(), BTreeSet::new());
         for (place, (path, shown)) in all.iter().enumerate().filter(|(place, _)| is_drawn(*place)) {
             match self.draw(path, shown, self.small_size(), control) {
                 Ok(made) => {
@@ -388,6 +392,9 @@ impl<'a> Writer<'a> {
                     }
                     if !self.params.frames {
                         control.reporter.picture(&made.picture);
+                    }
+                    if made.is_incomplete {
+                        incomplete.insert(shown.info.index.0);
                     }
                     drawn.push((place, made.picture));
                 }
@@ -400,7 +407,7 @@ impl<'a> Writer<'a> {
         let pictures: Vec<&Canvas> = of_contact.clone().map(|(_, picture)| picture).collect();
         let numbers: Vec<u32> = of_contact.map(|&(place, _)| number(place)).collect();
         let page = || contact_sheet(self.title, &pictures).png();
-        self.write_sequence(contact, &numbers, page, ledger, control)?;
+        self.write_sequence(contact, (&numbers, &incomplete), page, ledger, control)?;
         let numbers: Vec<u32> = drawn.iter().map(|&(place, _)| number(place)).collect();
         let mut shown = numbers.clone();
         let pictures: Vec<Canvas> = drawn.into_iter().map(|(_, picture)| picture).collect();
@@ -409,7 +416,7 @@ impl<'a> Writer<'a> {
             shown = kept;
             Ok(bytes)
         };
-        self.write_sequence(looped, &numbers, animation, ledger, control)?;
+        self.write_sequence(looped, (&numbers, &incomplete), animation, ledger, control)?;
         if !is_loop_kept && shown.len() < self.present.len() && !shown.is_empty() {
             let [width, height] = self.small_size();
             control.reporter.note(&format!(
@@ -440,11 +447,11 @@ impl<'a> Writer<'a> {
         Some(SequenceFile { output: OutputFiles { pattern, ..output }, key, states, numbers, is_kept })
     }
 
-    /// Writes a file of the frames `numbers`, unless it is up to date or there is none.
+    /// Writes a file of frames, some of them perhaps incomplete, unless it is up to date or there is none.
     fn write_sequence(
         &self,
         file: SequenceFile,
-        numbers: &[u32],
+        (numbers, incomplete): (&[u32], &BTreeSet<u32>),
         bytes: impl FnOnce() -> io::Result<Vec<u8>>,
         ledger: &mut Ledger<'_>,
         control: Control,
@@ -457,8 +464,9 @@ impl<'a> Writer<'a> {
         let path = self.out.root().join(&output.pattern);
         let written = bytes().and_then(|bytes| cache::write_atomically(&path, |out| out.write_all(&bytes)));
         let written = written.map_err(|source| not_written(&path, source))?;
-        // A file without some frame has another key, so that it is made again.
-        let key = if numbers == all { key } else { !key };
+        // A file without some frame, or with an incomplete one, has another key, so that it is made again.
+        let is_whole = numbers == all && numbers.iter().all(|number| !incomplete.contains(number));
+        let key = if is_whole { key } else { !key };
         let state = all.iter().zip(states).find(|(number, _)| **number == first).and_then(|(_, state)| state);
         let mut record = FileRecord::new(FrameIndex(first), &output.name, key, state);
         record.add(output.pattern.clone(), written);
