@@ -42,6 +42,6 @@ pub(crate) use open::{
 };
 pub(crate) use read::read_streams;
 pub use read::{read_frame, read_frame_within, read_header, verify_frame};
-pub(crate) use samples::{read_samples, write_samples};
+pub(crate) use samples::{read_samples, samples_path, write_samples};
 pub(crate) use write::prepare_frame;
 pub use write::write_frame;

@@ -155,9 +155,13 @@ mod tests {
         assert!(long.contains("2147483648 bytes") && long.contains("for the grid of the mesh"), "{long}");
         let short = refused(&with(&|field| field.values.truncate(59)), &grid);
         assert!(short.contains("236 bytes"), "{short}");
-        for (at, value, words) in
-            [(7, f32::NAN, "NaN at node [1, 2, 0]"), (7, f32::INFINITY, "inf"), (0, -1.0, "edge")]
-        {
+        for (at, value, words) in [
+            (7, f32::NAN, "NaN at node [1, 2, 0]"),
+            (7, f32::INFINITY, "inf"),
+            (7, 1e30, "longer than the grid"),
+            (0, -1.0, "edge"),
+            (31, 0.2, "no node inside"),
+        ] {
             let message = refused(&with(&|field| field.values[at] = value), &grid);
             assert!(message.contains(words), "{message}");
         }

@@ -195,10 +195,21 @@ fn field(
         match cache::read_samples(&folder.samples(), key, &grid) {
             Ok(field) => return Ok(field),
             Err(CacheError::NotFound { .. }) => {}
-            Err(damage @ CacheError::Corrupt { .. }) => {
-                reporter.note(&format!("{} is sampled again: {damage}", mesh.file));
+            // Also what cannot be read, as a pipe of that name: what is written takes its place.
+            Err(damage) => {
+                let place = printable_path(&cache::samples_path(&folder.samples(), key));
+                let why = match damage {
+                    CacheError::Corrupt { place: part, found, expected, .. } => {
+                        format!("{part}: found {found}, expected {expected}")
+                    }
+                    CacheError::Io { source, .. } => source.to_string(),
+                    other => other.to_string(),
+                };
+                reporter.note(&format!(
+                    "{} is sampled again, as {place} does not hold its samples: {why}",
+                    printable(&mesh.file)
+                ));
             }
-            Err(other) => return Err(other.into()),
         }
     }
     let fault = |found: String| {

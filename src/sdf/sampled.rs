@@ -34,8 +34,8 @@ impl SampledGrid {
 }
 
 impl Sampled {
-    /// What shows that these are no distances to a closed surface, if anything does: a number that is none, or a node at the edge
-    /// of the grid that is inside.
+    /// What shows that these are no distances to a closed surface on the grid, if anything does: a value that is not finite or larger than the
+    /// grid, a node at the edge of the grid that is inside, or no node inside.
     pub(crate) fn fault(&self) -> Option<String> {
         let [nx, ny, nz] = self.nodes.map(|n| n as usize);
         let expected = nx.checked_mul(ny).and_then(|nodes| nodes.checked_mul(nz));
@@ -45,6 +45,14 @@ impl Sampled {
         let node = |i: usize| [i % nx, i / nx % ny, i / (nx * ny)];
         if let Some(i) = self.values.iter().position(|value| !value.is_finite()) {
             return Some(format!("{} at node {:?}", self.values[i], node(i)));
+        }
+        // Twice the sum of the sides: distances by sweeps are a little longer than the diagonal.
+        let longest = 2.0 * self.voxel * self.nodes.iter().map(|&n| n as f32).sum::<f32>();
+        if let Some(i) = self.values.iter().position(|value| value.abs() > longest) {
+            return Some(format!("{} at node {:?}, longer than the grid", self.values[i], node(i)));
+        }
+        if self.values.iter().all(|&value| value >= 0.0) {
+            return Some("no node inside".to_owned());
         }
         let is_edge =
             |[i, j, k]: [usize; 3]| [(i, nx), (j, ny), (k, nz)].iter().any(|&(i, n)| i == 0 || i + 1 == n);

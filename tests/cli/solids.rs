@@ -42,6 +42,17 @@ fn a_mesh_is_sampled_once_and_its_samples_are_verified() {
     assert!(talk.contains("models/box.obj is sampled again") && talk.contains("checksum"), "{talk}");
     assert_eq!(desk.bytes("mesh/sdf"), samples);
 
+    // So is what cannot be read, as a link out of the folder or a pipe of that name.
+    #[cfg(unix)]
+    for plant in ["ln -s ../../small.toml", "mkfifo"] {
+        fs::remove_file(&path).unwrap();
+        let line = format!("{plant} {}", path.display());
+        assert!(std::process::Command::new("sh").args(["-c", &line]).status().unwrap().success());
+        let (_, talk) = desk.run("simulate mesh.toml", 0);
+        assert!(talk.contains("models/box.obj is sampled again"), "{talk}");
+        assert_eq!(desk.bytes("mesh/sdf"), samples, "{plant}");
+    }
+
     // A resumed run has the bytes of an uninterrupted one, and so has the preset as run, which finds the mesh.
     desk.run("simulate mesh.toml -o whole", 0);
     desk.run("simulate whole/preset.toml -o again --threads 1", 0);
