@@ -63,7 +63,7 @@ pub enum CacheError {
     #[error(
         "{path}: this frame needs about {needed} MiB of memory, and --max-memory allows {allowed} MiB: raise it, or simulate \
          the shot with a larger spacing or a coarser --quality",
-        path = printable_path(path), needed = needed >> 20, allowed = allowed >> 20
+        path = printable_path(path), needed = needed.div_ceil(1 << 20), allowed = allowed >> 20
     )]
     OverMemory {
         /// The file.

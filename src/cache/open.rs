@@ -36,7 +36,7 @@ pub(crate) fn open_regular(path: &Path) -> io::Result<(File, u64)> {
 /// As [`open_regular`]; if it is a symbolic link that leads elsewhere: a stranger's link may lead to any file of the user.
 pub(super) fn open_inside(folder: &Path, path: &Path) -> io::Result<(File, u64)> {
     if leads_out(folder, path) {
-        let found = "found a symbolic link that leads out of the shot's folder, expected a file in it";
+        let found = "found a symbolic link that leads out of the shot's folder, expected a file in it: remove the link";
         return Err(io::Error::new(ErrorKind::InvalidInput, found));
     }
     open_regular(path)
@@ -153,7 +153,7 @@ fn refuse_link(path: &Path, expected: &str) -> io::Result<()> {
     match fs::symlink_metadata(path) {
         Ok(found) if found.file_type().is_symlink() => Err(io::Error::new(
             ErrorKind::InvalidInput,
-            format!("found a symbolic link, expected {expected} of the shot's own"),
+            format!("found a symbolic link, expected {expected} of the shot's own: remove the link"),
         )),
         _ => Ok(()),
     }

@@ -101,7 +101,7 @@ pub(crate) enum RunError {
     #[error(
         "this needs about {} MiB of memory, and --max-memory allows {} MiB: raise it, use a larger \
          spacing or surface.voxel, or a coarser --quality",
-        needed >> 20, allowed >> 20
+        needed.div_ceil(1 << 20), allowed >> 20
     )]
     OverMemory {
         /// Estimate [bytes].

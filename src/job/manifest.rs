@@ -7,7 +7,11 @@ use crate::{
     preset::{Branch, Camera, frame_keys},
 };
 use serde::{Deserialize, Serialize};
-use std::{collections::BTreeMap, io::ErrorKind, path::PathBuf};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    io::ErrorKind,
+    path::PathBuf,
+};
 
 /// The largest number of poses in the file of a motion, in which a pose takes about 80 bytes: nearly three hours at 24 frames a second.
 pub(crate) const MAX_POSES: u64 = 250_000;
@@ -252,6 +256,10 @@ impl Manifest {
         if let Some(foreign) = manifest.outputs.iter().find_map(OutputFiles::foreign_path) {
             return invalid(format!("found the path {foreign:?}, expected FOLDER/FILE in the shot's folder"));
         }
+        let mut patterns = BTreeSet::new();
+        if let Some(twice) = manifest.outputs.iter().find(|output| !patterns.insert(&output.pattern)) {
+            return invalid(format!("found the output {:?} twice, expected each once", twice.pattern));
+        }
         let branches = &manifest.branch;
         let ascend = branches.windows(2).all(|pair| pair[0].frame < pair[1].frame);
         if !ascend || frame_keys(0, branches).is_none() {
@@ -481,7 +489,8 @@ mod tests {
         manifest.put(output.clone(), &[1, 2, 3, 4, 5], &folder);
         let few = OutputFiles { frames: FrameSpan { first: 1, last: 3, step: 1 }, ..output.clone() };
         manifest.put(few.clone(), &[1, 2, 3], &folder);
-        manifest.put(OutputFiles { format: "obj".into(), ..output }, &[1, 2, 3, 4, 5], &folder);
+        let pattern = output.pattern.replace("ply", "obj");
+        manifest.put(OutputFiles { format: "obj".into(), pattern, ..output }, &[1, 2, 3, 4, 5], &folder);
         assert_eq!(manifest.outputs.len(), 2);
         assert_eq!(manifest.outputs[0].frames.last, 3, "files that are not there are not named");
         std::fs::create_dir(folder.subfolder("mesh")).unwrap();
@@ -509,6 +518,7 @@ mod tests {
         ] {
             assert!(changed("mesh/liquid_{:04}.ply", path).contains("expected FOLDER/FILE"), "{path}");
         }
+        assert!(changed("liquid_{:04}.obj", "liquid_{:04}.ply").contains("twice"));
         assert!(changed("\"version\": 1", "\"version\": 2").contains("format version 2, expected 1"));
         assert!(
             Manifest::set_aside_damaged(&folder, Control::new(&Silent, &CancelToken::new())).is_err(),

@@ -7,7 +7,7 @@ use crate::{
     frame::{FrameIndex, Stream},
     job::{
         Progress,
-        batch::no_locks,
+        batch::{MAX_FRAMES, no_locks},
         file_records::hex,
         log::{self, LogLine},
     },
@@ -133,9 +133,15 @@ pub(super) fn refuse_foreign_preset(folder: &ShotFolder) -> Result<(), RunError>
     }
 }
 
-/// Refuses frames before the shot's first.
+/// Refuses frames before the shot's first, and more than a job takes.
 pub(crate) fn check_selection(scene: &Scene, selection: &Frames) -> Result<(), RunError> {
     let start = scene.frames.first();
+    if selection.count() > MAX_FRAMES {
+        return Err(RunError::Request(format!(
+            "frames {selection}: found {} of them, expected at most {MAX_FRAMES}; choose fewer by --frames or in the preset",
+            selection.count()
+        )));
+    }
     if selection.first() >= start {
         return Ok(());
     }

@@ -11,10 +11,10 @@ pub(in crate::product) const SHEET_VERSION: u32 = 1;
 
 /// Why nothing is made of a frame.
 pub(in crate::product) const MISSING_PARTS: &str =
-    "the sheet has no positions or faces; simulate the shot again";
+    "the sheet has no positions or faces, or positions that are not finite; simulate the shot again";
 
 /// The mesh of a sheet, with velocities: its points are in `stream`, its faces in another of `streams`. `None` if a part is
-/// missing.
+/// missing, or a position is not finite.
 pub(in crate::product) fn sheet_mesh(
     stream: &Stream,
     streams: &[Stream],
@@ -25,6 +25,9 @@ pub(in crate::product) fn sheet_mesh(
     let corners = CORNER_CHANNELS.map(|corner| faces.u32(corner));
     let [Some(a), Some(b), Some(c), Some(d)] = corners else { return None };
     let positions = stream.vec3("position")?.to_vec();
+    if positions.iter().flatten().any(|c| !c.is_finite()) {
+        return None;
+    }
     let mut triangles = Vec::with_capacity(2 * faces.len());
     for i in 0..faces.len() {
         triangles.push([a[i], b[i], c[i]]);
