@@ -38,18 +38,11 @@ fn number(error: &RunError) -> u8 {
         },
         RunError::SomeFailed { failed, .. }
         | RunError::NotValid { failed, .. }
-        | RunError::WedgesFailed { failed, .. } => {
-            // The gravest first.
-            let codes = [
-                (Failure::Corrupt, 12),
-                (Failure::Version, 13),
-                (Failure::Foreign, OTHER_SETTINGS),
-                (Failure::Memory, OVER_MEMORY),
-                (Failure::Missing, 10),
-            ];
-            let any = |kind: Failure| failed.iter().any(|frame| frame.kind == kind);
-            codes.into_iter().find(|&(kind, _)| any(kind)).map_or(SOME_FAILED, |(_, code)| code)
-        }
+        | RunError::WedgesFailed { failed, .. } => failed
+            .iter()
+            .map(|frame| frame.kind)
+            .min_by_key(|kind| kind.rank())
+            .map_or(SOME_FAILED, of_failure),
         RunError::OtherSettings { .. } => OTHER_SETTINGS,
         RunError::Diverged { .. } => 20,
         RunError::OverMemory { .. } => OVER_MEMORY,
@@ -62,6 +55,18 @@ fn number(error: &RunError) -> u8 {
             let codes: Vec<u8> = failed.iter().map(|(_, why)| number(why)).collect();
             BY_SEVERITY.into_iter().find(|code| codes.contains(code)).unwrap_or(1)
         }
+    }
+}
+
+/// The code of frames or files of which this is the gravest failure.
+fn of_failure(kind: Failure) -> u8 {
+    match kind {
+        Failure::Corrupt => 12,
+        Failure::Version => 13,
+        Failure::Foreign => OTHER_SETTINGS,
+        Failure::Memory => OVER_MEMORY,
+        Failure::Missing => 10,
+        Failure::Other => SOME_FAILED,
     }
 }
 

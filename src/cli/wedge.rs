@@ -81,11 +81,13 @@ pub(super) fn wedge(args: &WedgeArgs, control: Control) -> Result<(), RunError> 
     }
 }
 
-/// The result of wedges of which some `failed` when they were made, and others were `found` to be wrong.
+/// The result of wedges of which some `failed` when they were made, and some were `found` to be wrong: the gravest fault of each.
 fn outcome(mut failed: Vec<FailedFrame>, found: Vec<FailedFrame>, all: usize) -> Result<(), RunError> {
     for fault in found {
-        if failed.iter().all(|known| known.name != fault.name) {
-            failed.push(fault);
+        match failed.iter_mut().find(|known| known.name == fault.name) {
+            Some(known) if fault.kind.rank() < known.kind.rank() => *known = fault,
+            Some(_) => {}
+            None => failed.push(fault),
         }
     }
     if failed.is_empty() { Ok(()) } else { Err(RunError::WedgesFailed { failed, all }) }

@@ -186,6 +186,15 @@ pub(crate) enum Failure {
 }
 
 impl Failure {
+    /// All kinds, the gravest first.
+    pub(crate) const BY_GRAVITY: [Self; 6] =
+        [Self::Corrupt, Self::Version, Self::Foreign, Self::Memory, Self::Missing, Self::Other];
+
+    /// The place among all kinds: the gravest has the smallest.
+    pub(crate) fn rank(self) -> usize {
+        Self::BY_GRAVITY.into_iter().position(|kind| kind == self).expect("all kinds are listed")
+    }
+
     /// The kind of a cache's error.
     pub(crate) fn of(error: &CacheError) -> Self {
         match error {

@@ -283,7 +283,7 @@ pub(crate) fn compact(out: &ShotFolder, product: &str, control: Control) -> Resu
         record.files.retain(|file| newest.insert(file.file.clone()));
         // Earlier versions recorded no files.
         let is_new = described.insert((record.name.clone(), record.frame)) && files == 0;
-        // Lines are sorted, so that an outdated entry could come after the newer one.
+        // Lines are sorted below: an outdated entry could follow the newer one and win.
         let line = match record.files.len() {
             0 if !is_new => continue,
             left if left == files => line.to_owned(),

@@ -48,23 +48,22 @@ pub(crate) fn append<R: Serialize>(folder: &ShotFolder, line: &LogLine<R>) -> Re
     append_line(&folder.log(), &line)
 }
 
-/// The frames that have a line, of whatever form.
+/// The frames that have a line, of any version.
 ///
 /// # Errors
 /// If the log cannot be read.
 pub(crate) fn frames(folder: &ShotFolder) -> Result<BTreeSet<u32>, RunError> {
+    #[derive(Deserialize)]
+    struct FrameLine {
+        frame: FrameIndex,
+        #[serde(rename = "bytes")]
+        _bytes: u64,
+        #[serde(rename = "particles")]
+        _particles: u64,
+    }
     let text = read_lines(&folder.log())?;
-    Ok(text
-        .lines()
-        .filter_map(|line| serde_json::from_str::<LineHead>(line).ok())
-        .map(|head| head.frame.0)
-        .collect())
-}
-
-/// What every line has.
-#[derive(Deserialize)]
-struct LineHead {
-    frame: FrameIndex,
+    let lines = text.lines().filter_map(|line| serde_json::from_str::<FrameLine>(line).ok());
+    Ok(lines.map(|line| line.frame.0).collect())
 }
 
 /// Drops the lines about frames that `keep` refuses, and a last line that a crash cut short.
@@ -72,6 +71,10 @@ struct LineHead {
 /// # Errors
 /// If the log cannot be written.
 pub(crate) fn retain(folder: &ShotFolder, keep: impl Fn(FrameIndex) -> bool) -> Result<(), RunError> {
+    #[derive(Deserialize)]
+    struct LineHead {
+        frame: FrameIndex,
+    }
     let text = read_lines(&folder.log())?;
     let kept: String = text
         .lines()

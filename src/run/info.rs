@@ -230,7 +230,7 @@ fn output_info(output: &OutputFiles, folder: &ShotFolder) -> Result<OutputInfo, 
 
 /// Ascending frame numbers as `--frames` takes them: `3,5-9`.
 pub(crate) fn frame_ranges(frames: &[u32]) -> String {
-    let runs = frames.chunk_by(|a, b| a + 1 == *b).map(|run| match run {
+    let runs = frames.chunk_by(|a, b| a.checked_add(1) == Some(*b)).map(|run| match run {
         [first, .., last] => format!("{first}-{last}"),
         _ => run[0].to_string(),
     });

@@ -118,6 +118,11 @@ pub(crate) fn simulate(
 /// The first line of the preset that a shot folder keeps: a file without it is the user's own.
 pub(super) const RECORD: &str = "# The preset as it was run, with every default. Written by meniscus.\n";
 
+/// Whether the folder's `preset.toml` was written by a job.
+pub(super) fn is_record(folder: &ShotFolder) -> bool {
+    cache::read_text(&folder.preset()).is_ok_and(|text| text.starts_with(RECORD))
+}
+
 /// Refuses to replace a `preset.toml` that no job has written.
 pub(super) fn refuse_foreign_preset(folder: &ShotFolder) -> Result<(), RunError> {
     match cache::read_text(&folder.preset()) {

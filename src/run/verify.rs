@@ -1,6 +1,9 @@
 //! Whether everything in a shot folder is as it was made.
 
-use super::{FailedFrame, Failure, Manifest, OutputFiles, RunError, ShotFolder, info::frame_ranges};
+use super::{
+    FailedFrame, Failure, Manifest, OutputFiles, RunError, ShotFolder, info::frame_ranges,
+    simulate::is_record,
+};
 use crate::{
     cache::{self, CacheError, FrameInfo, FrameKeys},
     control::{printable_path, shell_path},
@@ -30,9 +33,9 @@ pub(crate) struct Verification {
 /// The files of the cache, or of one output.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Stage {
-    /// "cache", or the output's kind, such as "mesh".
+    /// "cache", the output's kind, such as "mesh", "shot" for the manifest, or "records" for a list that cannot be read.
     pub stage: String,
-    /// The files, with the frame number as `{:04}`.
+    /// The files, with the frame number as `{:04}`; of a product without a manifest its folder.
     pub pattern: String,
     /// Files that are as they were made.
     pub valid: u64,
@@ -247,9 +250,8 @@ fn cached(
     let numbers: BTreeSet<u32> = present.iter().map(|(index, _)| index.0).collect();
     stage.add_missing(requested.difference(&numbers).map(|&frame| (frame, file(frame))));
     let (root, preset) = (shell_path(folder.root()), shell_path(&folder.preset()));
-    let mut lost: Vec<u32> = stage.faults.iter().map(|fault| fault.frame).collect();
-    lost.dedup();
-    let frames = frame_ranges(&lost);
+    let lost: BTreeSet<u32> = stage.faults.iter().map(|fault| fault.frame).collect();
+    let frames = frame_ranges(&lost.into_iter().collect::<Vec<_>>());
     let foreign = stage.faults.iter().filter(|fault| fault.state == Condition::Foreign).count();
     let is_folder = present.iter().any(|(_, path)| path.is_dir());
     let first = match (foreign > 0, is_folder) {
@@ -328,17 +330,18 @@ fn made(
 /// The records of a product's files; `None`, and a stage with that fault, if they cannot be read.
 fn records_of(folder: &ShotFolder, product: &str, stages: &mut Vec<Stage>) -> Option<FileRecords> {
     let read = FileRecords::read(folder, product);
-    read.map_err(|why| stages.push(unreadable(folder, &format!("{product}.jsonl"), why))).ok()
+    let next = "then make its files again";
+    read.map_err(|why| stages.push(unreadable(folder, &format!("{product}.jsonl"), why, next))).ok()
 }
 
 /// A stage with a list of files, or a log, that cannot be read.
-fn unreadable(folder: &ShotFolder, file: &str, why: RunError) -> Stage {
+fn unreadable(folder: &ShotFolder, file: &str, why: RunError, next: &str) -> Stage {
     let path = shell_path(&folder.root().join(file));
     let why = match why {
         RunError::File { source, .. } => source.to_string(),
         other => other.to_string(),
     };
-    let mut stage = Stage::new("records", file, format!("move {path} away, then make its files again"));
+    let mut stage = Stage::new("records", file, format!("move {path} away, {next}"));
     stage.faults.push(Fault { frame: 0, file: file.into(), state: Condition::Corrupt, why });
     stage
 }
@@ -363,19 +366,20 @@ struct Lost {
 }
 
 impl Lost {
-    /// `None` if there is neither a preset nor a log, as in the folder of a cache alone, which other programs may write.
+    /// `None` if there is neither the preset that jobs keep nor a log, as in the folder of a cache that another program wrote.
     fn of(folder: &ShotFolder, stages: &mut Vec<Stage>) -> Option<Self> {
         let frames = log::frames(folder).unwrap_or_else(|why| {
-            stages.push(unreadable(folder, "log.jsonl", why));
+            let next = "which loses what it reports of each frame";
+            stages.push(unreadable(folder, "log.jsonl", why, next));
             BTreeSet::new()
         });
-        (!frames.is_empty() || folder.preset().exists()).then_some(Self { frames })
+        (!frames.is_empty() || is_record(folder)).then_some(Self { frames })
     }
 
     /// The fault of the manifest, of a shot with these frames.
     fn stage(&self, folder: &ShotFolder, present: &BTreeSet<u32>) -> Stage {
         let frames: Vec<u32> = self.frames.union(present).copied().collect();
-        let repair = match folder.preset().exists() {
+        let repair = match is_record(folder) {
             true => {
                 let (root, preset) = (shell_path(folder.root()), shell_path(&folder.preset()));
                 let frames = match frames.is_empty() {
@@ -391,7 +395,12 @@ impl Lost {
         let mut stage = Stage::new("shot", "shot.json", repair);
         stage.missing = 1;
         let file = "shot.json".to_owned();
-        let why = "or it names no simulation".to_owned();
+        let why = match folder.manifest().exists() {
+            true => "what is there names no simulation: a product wrote it after the shot's own was lost",
+            false if frames.is_empty() => "not simulated yet",
+            false => "",
+        };
+        let why = why.to_owned();
         stage.faults.push(Fault { frame: 0, file, state: Condition::Missing, why });
         stage
     }

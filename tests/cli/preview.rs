@@ -243,3 +243,39 @@ fn a_report_is_one_page_with_loop_plots_warnings_settings_and_command() {
     assert_eq!(desk.names("evil/preview").iter().filter(|name| name.starts_with("frame_")).count(), 5);
     desk.run("verify evil", 0);
 }
+
+#[test]
+fn a_picture_whose_mesh_could_not_be_read_is_drawn_again() {
+    let desk = Desk::new();
+    desk.run("shot small.toml --frames 1-2", 0);
+    let mesh = desk.path("small/mesh/liquid_0002.ply");
+    let [good, records] = [mesh.clone(), desk.path("small/mesh.jsonl")].map(|path| fs::read(path).unwrap());
+    // Its record describes what cannot be read as a mesh.
+    let bad = b"ply\nformat binary";
+    let line = |line: &str| -> String {
+        let mut record: Value = serde_json::from_str(line).unwrap();
+        let file = &mut record["files"][0];
+        if file["file"] == "mesh/liquid_0002.ply" {
+            file["bytes"] = bad.len().into();
+            file["xxh3"] = format!("{:016x}", xxhash_rust::xxh3::xxh3_64(bad)).into();
+        }
+        record.to_string() + "\n"
+    };
+    let text: String = std::str::from_utf8(&records).unwrap().lines().map(line).collect();
+    fs::write(desk.path("small/mesh.jsonl"), text).unwrap();
+    fs::write(&mesh, bad).unwrap();
+    for _ in 0..2 {
+        let (out, talk) = desk.run("preview small --frames 1,2 --size 64x48", 0);
+        assert!(out.contains("3 files written") || out.contains("4 files written"), "{out}");
+        assert!(talk.contains("frame 0002: shown by a draft surface"), "{talk}");
+    }
+    fs::write(&mesh, good).unwrap();
+    desk.write("small/mesh.jsonl", records);
+    let (out, talk) = desk.run("preview small --frames 1,2 --size 64x48", 0);
+    assert!(
+        out.contains("3 files written") && out.contains("1 up to date") && !talk.contains("draft surface"),
+        "{out}{talk}"
+    );
+    let (out, _) = desk.run("preview small --frames 1,2 --size 64x48", 0);
+    assert!(out.contains("0 files written") && out.contains("4 up to date"), "{out}");
+}

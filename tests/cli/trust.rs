@@ -131,6 +131,8 @@ fn frames_of_another_shot_or_number_are_recognised() {
     let (out, why) = desk.run("verify small", 14);
     assert!(out.contains("4 valid, 1 foreign"), "{out}");
     assert!(why.contains("cache/frame_0003.mcf: foreign"), "{why}");
+    let (out, why) = desk.run("info small", 14);
+    assert!(out.contains("4 present") && why.contains("frame 0003"), "{out}{why}");
     let (_, why) = desk.run("mesh small --force", 14);
     assert!(why.contains("frame 0003") && why.contains("another simulation"), "{why}");
     fs::copy(desk.path("small/cache/frame_0002.mcf"), desk.path("small/cache/frame_0003.mcf")).unwrap();
@@ -209,6 +211,36 @@ fn a_shot_that_lost_its_manifest_is_not_valid_and_what_else_is_lost_is_found() {
     fs::create_dir(desk.path("small/mesh.jsonl")).unwrap();
     let (out, talk) = desk.run("verify small", 12);
     assert!(out.contains("cache      4 valid") && talk.contains("mesh.jsonl: corrupt"), "{out}{talk}");
+}
+
+#[test]
+fn the_command_that_verify_advises_has_all_frames_in_order() {
+    let desk = Desk::new();
+    desk.run("simulate small.toml --frames 1-4", 0);
+    fs::remove_file(desk.path("small/cache/frame_0002.mcf")).unwrap();
+    fs::write(desk.path("small/cache/frame_0004.mcf"), "damaged").unwrap();
+    let (_, talk) = desk.run("verify small", 12);
+    let advice = talk.lines().find_map(|line| line.split_once("meniscus simulate ")).unwrap().1;
+    assert!(advice.ends_with("--frames 2,4"), "{advice}");
+    desk.run(&format!("simulate {}", advice.replace('\'', "")), 0);
+    desk.run("verify small", 0);
+}
+
+#[test]
+fn a_preset_of_the_user_next_to_meshes_is_no_lost_shot() {
+    let desk = Desk::new();
+    crafted(&desk, "good");
+    desk.write("shot/preset.toml", "title = \"by hand\"");
+    desk.run("verify shot", 0);
+}
+
+#[test]
+fn more_frames_than_a_job_takes_are_refused() {
+    let desk = Desk::new();
+    for verb in ["simulate", "plan", "shot"] {
+        let (_, talk) = desk.run(&format!("{verb} small.toml --frames 1-2000000"), 2);
+        assert!(talk.contains("expected at most 1000000"), "{talk}");
+    }
 }
 
 #[test]

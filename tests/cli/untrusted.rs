@@ -236,6 +236,31 @@ fn point_caches_are_not_made_of_frames_that_take_more_memory_than_allowed() {
 }
 
 #[test]
+fn sheets_with_positions_that_are_not_finite_are_refused() {
+    let desk = Desk::new();
+    desk.write("cloth.toml", sheets::CLOTH);
+    desk.write("flag.obj", sheets::FLAG);
+    desk.run("simulate cloth.toml --frames 1-3", 0);
+    let folder = desk.path("cloth/cache");
+    let (mut frame, info) = cache::read_frame(&cache::frame_path(&folder, FrameIndex(2))).unwrap();
+    for stream in &mut frame.streams {
+        let Some(positions) = stream.vec3("position") else { continue };
+        let mut positions = positions.to_vec();
+        positions[0].x = f32::NAN;
+        let mut changed =
+            Stream::new(stream.name.clone(), stream.kind, stream.len()).with("position", positions);
+        for channel in stream.channels().iter().filter(|channel| channel.name != "position") {
+            changed = changed.with(channel.name.clone(), channel.data.clone());
+        }
+        changed.scalars.clone_from(&stream.scalars);
+        *stream = changed;
+    }
+    cache::write_frame(&folder, &frame, info.key).unwrap();
+    let (_, talk) = desk.run("export cloth --format ply", 3);
+    assert!(talk.contains("frame 0002") && talk.contains("not finite"), "{talk}");
+}
+
+#[test]
 fn a_spacing_that_is_none_is_named_with_its_frame_and_stream() {
     let desk = Desk::new();
     cached(&desk, 1, 8, 0.1);

@@ -128,7 +128,22 @@ fn wedges_that_are_not_what_the_list_names_are_no_success() {
     fs::remove_file(frame(&three)).unwrap();
     let (_, page) = compare(3, "missing frames: 2");
     assert!(page.contains("missing frames: 2"), "{page}");
+    // Of two faults the gravest counts.
+    let third = three.join("cache/frame_0003.mcf");
+    let whole = fs::read(&third).unwrap();
+    let mut damaged = whole.clone();
+    let middle = damaged.len() / 2;
+    damaged[middle] ^= 1;
+    fs::write(&third, damaged).unwrap();
+    compare(12, "wedge 1, liquid.iterations=3");
+    fs::write(&third, whole).unwrap();
     fs::write(frame(&three), own).unwrap();
+    compare_is_sound(&desk);
+    // Without its manifest nothing shows whose frames they are.
+    let manifest = fs::read(three.join("shot.json")).unwrap();
+    fs::remove_file(three.join("shot.json")).unwrap();
+    compare(10, "shot.json is missing");
+    fs::write(three.join("shot.json"), manifest).unwrap();
     compare_is_sound(&desk);
     fs::remove_dir_all(&six).unwrap();
     compare(3, "wedge 2, liquid.iterations=6: not simulated");

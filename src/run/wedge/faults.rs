@@ -1,4 +1,4 @@
-//! What a comparison of wedges cannot show, or would show under the wrong values.
+//! Faults of wedges that a comparison reports.
 
 use super::list::{Wedge, WedgeList};
 use crate::{
@@ -12,15 +12,17 @@ use std::collections::BTreeSet;
 /// Missing frames that a message names.
 const MAX_NAMED_FRAMES: usize = 100;
 
-/// Why a wedge is not that of the list, if its preset has other values: when its folder was renamed, or the preset edited.
+/// Compares a wedge's preset with the values of the list: they differ when its folder was renamed, or the preset edited.
 pub(super) fn of_values(shot: &ShotFolder, list: &WedgeList, wedge: &Wedge) -> Option<(Failure, String)> {
     let foreign = |why: &str| Some((Failure::Foreign, why.to_owned()));
     let path = shot.preset();
     if cache::leads_out(shot.root(), &path) {
         return foreign("its preset.toml is a link that leads out of its folder: replace it by a copy");
     }
+    // Presets are named by text.
+    let name = path.to_str()?;
     let read = || {
-        let preset = scene::load(&path.to_string_lossy())?;
+        let preset = scene::load(name)?;
         let scene = |set| Scene::from_preset(&preset, &Overrides { quality: None, set });
         Ok::<_, RunError>(scene(Vec::new())? == scene(list.settings(wedge))?)
     };
@@ -33,24 +35,23 @@ pub(super) fn of_values(shot: &ShotFolder, list: &WedgeList, wedge: &Wedge) -> O
     }
 }
 
-/// The gravest fault of the frames of a wedge.
-pub(super) fn of_frames(shot: &ShotFolder, info: &Info) -> Option<(Failure, String)> {
-    let manifest = match Manifest::read(shot) {
-        Ok(Some(manifest)) => manifest,
-        Ok(None) => return Some((Failure::Missing, "shot.json is missing: simulate it again".into())),
-        Err(RunError::Cache(why)) => return Some((Failure::of(&why), why.to_string())),
-        Err(why) => return Some((Failure::Other, why.to_string())),
+/// The gravest fault of the frames of a wedge; one of another shot before all others, since a picture of it would have the wrong label.
+pub(super) fn of_frames(shot: &ShotFolder, info: &Info) -> Result<Option<(Failure, String)>, RunError> {
+    let Some(manifest) = Manifest::read(shot)? else {
+        let why = "shot.json is missing, so that its frames may be of another shot: simulate it again";
+        return Ok(Some((Failure::Missing, why.into())));
     };
-    let faults = || info.frames.iter().filter_map(|frame| Some((frame.failure?, frame.fault.clone()?)));
-    // A frame of another shot is the gravest here: a picture of it would have the wrong label.
-    if let Some(fault) = faults().find(|(kind, _)| *kind == Failure::Foreign).or_else(|| faults().next()) {
-        return Some(fault);
+    let faults = info.frames.iter().filter_map(|frame| Some((frame.failure?, frame.fault.clone()?)));
+    let gravest = faults.min_by_key(|(kind, _)| (*kind != Failure::Foreign, kind.rank()));
+    if gravest.is_some() {
+        return Ok(gravest);
     }
     let present: BTreeSet<u32> = info.frames.iter().map(|frame| frame.frame).collect();
     let missing: Vec<u32> = requested_frames(&manifest).difference(&present).copied().collect();
     let named = &missing[..missing.len().min(MAX_NAMED_FRAMES)];
     let more = if named.len() < missing.len() { ",…" } else { "" };
-    (!missing.is_empty()).then(|| (Failure::Other, format!("missing frames: {}{more}", frame_ranges(named))))
+    let fault = || (Failure::Other, format!("missing frames: {}{more}", frame_ranges(named)));
+    Ok((!missing.is_empty()).then(fault))
 }
 
 /// A fault of a wedge as errors list it.

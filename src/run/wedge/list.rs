@@ -123,6 +123,10 @@ impl WedgeList {
                 "found more than {MAX_SETTINGS} settings, or one of more than {MAX_SETTING} bytes"
             ));
         }
+        let varied = self.set.iter().filter(|set| !set.contains('='));
+        if !self.set.is_empty() && !varied.eq(&self.keys) {
+            return Err("found settings that vary other than the keys".to_owned());
+        }
         if let Some(text) = texts.map(|text| text.chars().count()).find(|count| *count > MAX_CHARACTERS) {
             return Err(format!(
                 "found a key or value of {text} characters, expected at most {MAX_CHARACTERS}"
@@ -228,6 +232,10 @@ mod tests {
             crafted(&good.replace("\"0.4\"", &format!("\"{}\"", "4".repeat(201)))).contains("201 characters")
         );
         assert!(crafted(&good.replace("cfl-0p4", "-cfl")).contains("a dash"));
+        assert!(
+            crafted(&good.replace("\"wedges\"", "\"set\":[\"a=1\"],\"wedges\""))
+                .contains("other than the keys")
+        );
         let wedge = "{\"folder\":\"cfl-0p4\",\"values\":[\"0.4\"]}";
         let twice = format!("{wedge},{}", wedge.replace("cfl", "CFL"));
         assert!(crafted(&good.replace(wedge, &twice)).contains("twice"));

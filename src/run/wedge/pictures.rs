@@ -63,9 +63,8 @@ pub(crate) struct ContactPage {
     pub(crate) unread: Vec<FailedFrame>,
 }
 
-/// Draws the wedges of a list at some frames into `contact-sheet.png`; by default at three frames, the last among them. Returns the
-/// file, how many particles are outside the pictures, and which wedges have frames that cannot be read. Wedges that hold
-/// another shot than the list has are not drawn.
+/// Draws the wedges of a list at some frames into `contact-sheet.png`; by default at three frames, the last among them. Wedges that
+/// hold another shot than the list has are not drawn.
 ///
 /// # Errors
 /// If no frame can be drawn, or the file cannot be written.
@@ -100,9 +99,11 @@ pub(crate) fn draw_wedges(
     let mut view: Option<View> = None;
     control.reporter.begin("compare", 2 * shots.len() * frames.len());
     let mut done = 0.0;
+    // Of another shot, or perhaps of one.
     let foreign = |place: usize| {
-        let fault = rows[place].fault.as_ref().filter(|fault| fault.kind == Failure::Foreign)?;
-        Some(fault.why.clone())
+        let is_foreign = |fault: &&FailedFrame| matches!(fault.kind, Failure::Foreign | Failure::Missing);
+        let fault = rows[place].fault.as_ref().filter(is_foreign)?;
+        Some(NotDrawn { why: fault.why.clone(), kind: fault.kind })
     };
     let mut each = |act: &mut dyn FnMut(usize, Result<Frame, NotDrawn>)| {
         for (place, shot) in shots.iter().enumerate() {
@@ -111,7 +112,7 @@ pub(crate) fn draw_wedges(
                     return Err(RunError::Interrupted);
                 }
                 let frame = match foreign(place) {
-                    Some(why) => Err(NotDrawn { why, kind: Failure::Foreign }),
+                    Some(fault) => Err(fault),
                     None => read(shot, index, max_memory),
                 };
                 act(place, frame);

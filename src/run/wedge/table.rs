@@ -65,7 +65,10 @@ fn row(shot: &ShotFolder, list: &WedgeList, place: usize) -> WedgeRow {
         // Figures of another shot would be under the wrong values.
         Ok(_) => match faults::of_values(shot, list, wedge) {
             Some(foreign) => Some(foreign),
-            None => fill(&mut row, shot).unwrap_or_else(|why| Some((Failure::Other, why.to_string()))),
+            None => fill(&mut row, shot).unwrap_or_else(|why| match why {
+                RunError::Cache(why) => Some((Failure::of(&why), why.to_string())),
+                why => Some((Failure::Other, why.to_string())),
+            }),
         },
     };
     row.fault = fault.map(|fault| faults::named(list, place, fault));
@@ -84,7 +87,7 @@ fn fill(row: &mut WedgeRow, shot: &ShotFolder) -> Result<Option<(Failure, String
     }
     let log = log::read::<FrameRecord>(shot)?;
     row.seconds = log.values().flat_map(|line| &line.record.seconds).map(|(_, seconds)| seconds).sum();
-    Ok(faults::of_frames(shot, &found))
+    faults::of_frames(shot, &found)
 }
 
 /// The numbers in a JSON value by their dotted keys.
