@@ -229,3 +229,22 @@ fn volumes_and_arrays_hold_what_the_points_hold() {
     let (out, talk) = desk.run("verify white", 12);
     assert!((out + &talk).contains("whitewater_0016.npz"), "a damaged file is found");
 }
+
+#[test]
+fn no_file_is_written_whose_record_could_not_name_its_liquid() {
+    let desk = desk();
+    desk.run("shot white.toml --frames 1-4", 0);
+    let frame = desk.path("white/cache/frame_0003.mcf");
+    let [good, records] =
+        [frame.clone(), desk.path("white/whitewater.jsonl")].map(|path| fs::read(path).unwrap());
+    // Its whitewater is stored, so that nothing but the record needs the liquid.
+    fs::write(&frame, "damaged").unwrap();
+    fs::remove_file(desk.path("white/whitewater/whitewater_0003.ply")).unwrap();
+    let (_, talk) = desk.run("whitewater white", 12);
+    assert!(talk.contains("frame_0003.mcf"), "{talk}");
+    assert!(!desk.path("white/whitewater/whitewater_0003.ply").exists());
+    fs::write(&frame, good).unwrap();
+    desk.run("whitewater white", 0);
+    assert_eq!(fs::read(desk.path("white/whitewater.jsonl")).unwrap(), records);
+    desk.run("verify white", 0);
+}

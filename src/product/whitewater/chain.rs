@@ -108,12 +108,15 @@ impl<'a> Chain<'a> {
         self.keys[place]
     }
 
-    /// The state of the liquid in the frame at `place`; `None` if its header cannot be read.
-    pub(super) fn state(&self, place: usize) -> Option<u64> {
+    /// The state of the liquid in the frame at `place`; `None` if it has no liquid.
+    ///
+    /// # Errors
+    /// If its header cannot be read.
+    pub(super) fn state(&self, place: usize) -> Result<Option<u64>, CacheError> {
         let (index, path) = &self.frames[place];
-        let info = cache::read_header(path).ok()?;
-        let liquid = info.streams.iter().find(|stream| stream.kind == StreamKind::Particles)?;
-        Some(state_key(info.key, *index, &liquid.name))
+        let info = cache::read_header(path)?;
+        let liquid = info.streams.iter().find(|stream| stream.kind == StreamKind::Particles);
+        Ok(liquid.map(|liquid| state_key(info.key, *index, &liquid.name)))
     }
 
     /// The file with the whitewater of the frame at `place`.

@@ -238,7 +238,9 @@ impl Writer<'_> {
         control: Control,
     ) -> Result<(), RunError> {
         let start = Instant::now();
-        let target = self.settings.target(outcome.index, self.chain.key(place), self.chain.state(place));
+        let state = self.chain.state(place);
+        let known = state.as_ref().map_or(None, |state| *state);
+        let target = self.settings.target(outcome.index, self.chain.key(place), known);
         let kept = || self.settings.up_to_date(self.out, &target);
         if !self.force && self.chain.is_stored(place) {
             if !is_requested {
@@ -254,6 +256,8 @@ impl Writer<'_> {
             outcome.notes.extend(remark(outcome.index, frame.whitewater));
         }
         if is_requested {
+            // Of files whose record has no state it would never show that they are stale.
+            state?;
             let (files, too_far) = self.settings.write(&frame, self.out, &target, start)?;
             outcome.files.push(files);
             if too_far > 0 {
