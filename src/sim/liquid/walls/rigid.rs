@@ -12,8 +12,9 @@ use crate::{
 const RIGID_CONTACT: f32 = 0.25;
 
 /// Density over that of the liquid below which bodies have the contact distance of colliders. The pressure of images falls with the distance below
-/// 0.4 spacings, from which on the inertia of a body must keep it: with the other distance a
-/// ball of 1.5 spacings and 0.03 jumps with 1.6 m/s at `kernel_radius = 2.5`, in place of 0.2; one of 0.045, and larger ones, do not.
+/// 0.4 spacings, from which on the inertia of a body must keep it: with
+/// the distance above a ball of 1.5 spacings and 0.03 of the density jumps with 1.6 m/s at `kernel_radius = 2.5`, in place of 0.2; one of 0.045, and
+/// larger ones, do not.
 const LIGHT_BODY: f64 = 0.05;
 
 /// Density below which the weights of images approach 1, where both that they are the quotient of vanish.
