@@ -38,11 +38,9 @@ fn number(error: &RunError) -> u8 {
         },
         RunError::SomeFailed { failed, .. }
         | RunError::NotValid { failed, .. }
-        | RunError::WedgesFailed { failed, .. } => failed
-            .iter()
-            .map(|frame| frame.kind)
-            .min_by_key(|kind| kind.rank())
-            .map_or(SOME_FAILED, of_failure),
+        | RunError::WedgesFailed { failed, .. } => {
+            failed.iter().map(|frame| frame.kind).min().map_or(SOME_FAILED, of_failure)
+        }
         RunError::OtherSettings { .. } => OTHER_SETTINGS,
         RunError::Diverged { .. } => 20,
         RunError::OverMemory { .. } => OVER_MEMORY,

@@ -8,7 +8,6 @@ use super::{
     shot_inputs::{ShotInput, shots},
 };
 use crate::{
-    cache::leads_out,
     control::printable_path,
     frame::SPACING_RANGE,
     import::{self, Sequence},
@@ -16,7 +15,7 @@ use crate::{
         self, BatchRequest, Control, ProductInput, ProductRequest, ProductSelection, ProductSettings, Retime,
         RunError, ShotFolder, Source,
     },
-    scene::{self, Overrides, Quality, Scene},
+    scene::{self, Quality},
 };
 use std::path::Path;
 
@@ -131,7 +130,7 @@ impl ProductVerb {
         if let Some(limit) = batch.follow {
             batch.selection = Some(run::follow(&cache, batch.selection.as_ref(), limit, control)?);
         }
-        let scene = cached_scene(&cache, set)?;
+        let scene = run::recorded_scene(&cache, set)?;
         let mut settings = match &scene {
             Some(scene) => ProductSettings::of(scene),
             None => scene::product_settings(None, set)?,
@@ -265,22 +264,6 @@ fn run_each(
         }
     }
     if failed.is_empty() { Ok(()) } else { Err(RunError::ShotsFailed { failed, all: shots.len() }) }
-}
-
-/// The preset of a cache with some keys changed; `None` if the folder has none.
-fn cached_scene(cache: &ShotFolder, set: &[String]) -> Result<Option<Scene>, RunError> {
-    let preset = cache.preset();
-    if !preset.exists() {
-        return Ok(None);
-    }
-    if leads_out(cache.root(), &preset) {
-        return Err(RunError::Request(format!(
-            "{}: found a symbolic link that leads out of the shot's folder, expected its preset; replace it by a copy",
-            printable_path(&preset)
-        )));
-    }
-    let preset = scene::load(&preset.to_string_lossy())?;
-    Ok(Some(Scene::from_preset(&preset, &Overrides { quality: None, set: set.to_vec() })?))
 }
 
 /// Whether two paths lead to the same folder.

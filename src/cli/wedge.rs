@@ -85,7 +85,7 @@ pub(super) fn wedge(args: &WedgeArgs, control: Control) -> Result<(), RunError> 
 fn outcome(mut failed: Vec<FailedFrame>, found: Vec<FailedFrame>, all: usize) -> Result<(), RunError> {
     for fault in found {
         match failed.iter_mut().find(|known| known.name == fault.name) {
-            Some(known) if fault.kind.rank() < known.kind.rank() => *known = fault,
+            Some(known) if fault.kind < known.kind => *known = fault,
             Some(_) => {}
             None => failed.push(fault),
         }

@@ -168,8 +168,8 @@ pub(crate) struct FailedFrame {
     pub kind: Failure,
 }
 
-/// Why a frame could not be made, as exit codes distinguish it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Why a frame could not be made, as exit codes distinguish it; the gravest first, of which the code is that of a whole job.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Failure {
     /// The frame's bytes in the cache are damaged.
     Corrupt,
@@ -177,24 +177,15 @@ pub(crate) enum Failure {
     Version,
     /// The file is of another simulation, frame or product, or made from frames that have changed since.
     Foreign,
-    /// Nothing is there.
-    Missing,
     /// The frame needs more memory than allowed.
     Memory,
+    /// Nothing is there.
+    Missing,
     /// Anything else.
     Other,
 }
 
 impl Failure {
-    /// All kinds, the gravest first.
-    pub(crate) const BY_GRAVITY: [Self; 6] =
-        [Self::Corrupt, Self::Version, Self::Foreign, Self::Memory, Self::Missing, Self::Other];
-
-    /// The place among all kinds: the gravest has the smallest.
-    pub(crate) fn rank(self) -> usize {
-        Self::BY_GRAVITY.into_iter().position(|kind| kind == self).expect("all kinds are listed")
-    }
-
     /// The kind of a cache's error.
     pub(crate) fn of(error: &CacheError) -> Self {
         match error {

@@ -167,14 +167,7 @@ impl OutputFiles {
 
     /// The first of the paths that leads out of the shot folder's own sub-folders, if one does.
     fn foreign_path(&self) -> Option<&str> {
-        // `folder/name_{:04}.format` or `folder/name.format`.
-        let is_own = |path: &&str| {
-            let plain = path.replace(NUMBER, "");
-            let parts =
-                plain.split_once('/').and_then(|(folder, file)| Some((folder, file.rsplit_once('.')?)));
-            parts.is_some_and(|(folder, (name, format))| [folder, name, format].into_iter().all(is_file_name))
-        };
-        self.paths().find(|path| !is_own(path))
+        self.paths().find(|path| !is_own_path(&path.replace(NUMBER, "")))
     }
 
     /// The frames whose files are there, in ascending order. The folder is listed once: a span may have a frame for each
@@ -196,6 +189,12 @@ impl OutputFiles {
         frames.sort_unstable();
         frames
     }
+}
+
+/// Whether a path is `folder/name.format`, as those of products are, and so in the shot's folder.
+pub(crate) fn is_own_path(path: &str) -> bool {
+    let parts = path.split_once('/').and_then(|(folder, file)| Some((folder, file.rsplit_once('.')?)));
+    parts.is_some_and(|(folder, (name, format))| [folder, name, format].into_iter().all(is_file_name))
 }
 
 impl Manifest {

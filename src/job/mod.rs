@@ -15,7 +15,7 @@ pub(crate) mod usage;
 
 pub(crate) use error::{FailedFrame, Failure, RunError};
 pub(crate) use folder::{ShotFolder, is_file_name};
-pub(crate) use manifest::{FrameSpan, MAX_POSES, Manifest, OutputFiles};
+pub(crate) use manifest::{FrameSpan, MAX_POSES, Manifest, OutputFiles, is_own_path};
 pub(crate) use report::{Control, Reporter, Silent};
 pub(crate) use report::{Progress, nonzero};
 pub(crate) use summary::{Total, totals_by_key};

@@ -10,6 +10,7 @@ mod info;
 mod plan;
 mod prepare;
 mod products;
+mod recorded;
 mod report;
 mod simulate;
 mod solids;
@@ -38,6 +39,7 @@ pub(crate) use info::{FrameState, Info, OutputInfo, frame_ranges, info, is_shot}
 pub(crate) use plan::{Outline, Plan, outline, plan, refuse_over_memory};
 pub(crate) use prepare::prepare;
 pub(crate) use products::make_products;
+pub(crate) use recorded::recorded_scene;
 pub(crate) use report::report;
 pub(crate) use simulate::{check_selection, simulate};
 pub(crate) use vary::Vary;

@@ -13,9 +13,9 @@ use crate::{
     product,
     run::{
         info::{Info, frame_ranges, info},
+        recorded_scene,
         verify::requested_frames,
     },
-    scene::{self, Overrides, Scene},
     sim::{FrameRecord, registry},
 };
 use std::collections::BTreeMap;
@@ -203,12 +203,13 @@ fn looped(out: &ShotFolder) -> Result<Option<Vec<u8>>, RunError> {
 /// The warnings of all frames and of the shot, and frames that cannot be read.
 fn warnings(shot: &ShotFolder, log: &Log, info: &Info) -> Vec<String> {
     let mut found = Vec::new();
-    match loaded(shot) {
-        Ok(scene) => {
+    match recorded_scene(shot, &[]) {
+        Ok(Some(scene)) => {
             let frames: Vec<(FrameIndex, FrameRecord)> =
                 log.values().map(|line| (line.frame, line.record.clone())).collect();
             found.extend(registry::ALL.iter().flat_map(|system| system.shot_warnings(&scene, &frames)));
         }
+        Ok(None) => found.push("warnings of the whole shot are not known: its preset.toml is missing".into()),
         Err(why) => found.push(format!("warnings of the whole shot are not known: {why}")),
     }
     if info.missing_count > 0 {
@@ -226,12 +227,6 @@ fn warnings(shot: &ShotFolder, log: &Log, info: &Info) -> Vec<String> {
         found.push(format!("{more} more warnings, which {} has", printable(&shot.log().to_string_lossy())));
     }
     found
-}
-
-/// The scene of a shot.
-fn loaded(shot: &ShotFolder) -> Result<Scene, RunError> {
-    let preset = scene::load(&shot.preset().to_string_lossy())?;
-    Ok(Scene::from_preset(&preset, &Overrides { quality: None, set: Vec::new() })?)
 }
 
 /// Kind, format, number and pattern of the outputs.

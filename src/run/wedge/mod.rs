@@ -1,7 +1,8 @@
 //! Wedges: variants of a shot, one for each combination of some settings, each in a shot folder of its own.
 //!
 //! A wedge is an ordinary shot: it resumes, is meshed and verified as any other, here or on a farm. What compares them, the contact
-//! sheet (`pictures.rs`) and the table (`table.rs`), is made of what the folders hold.
+//! sheet (`pictures.rs`) and the table (`table.rs`), is made of what the folders hold, and reports those that are not what the list names
+//! (`faults.rs`).
 
 mod faults;
 mod layout;

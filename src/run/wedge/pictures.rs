@@ -1,6 +1,10 @@
 //! The contact sheet: a picture of every wedge at the same frames, from the same place.
 
-use super::{faults, list::WedgeList, table::WedgeRow};
+use super::{
+    faults::{self, Fault},
+    list::WedgeList,
+    table::WedgeRow,
+};
 use crate::{
     cache::{self, CacheError},
     control::printable,
@@ -45,12 +49,6 @@ const FAINT: [u8; 3] = [150, 152, 158];
 enum Tile {
     Drawn(Canvas),
     Missing(String),
-}
-
-/// Why a frame is not drawn.
-struct NotDrawn {
-    why: String,
-    kind: Failure,
 }
 
 /// The contact sheet.
@@ -103,9 +101,9 @@ pub(crate) fn draw_wedges(
     let foreign = |place: usize| {
         let is_foreign = |fault: &&FailedFrame| matches!(fault.kind, Failure::Foreign | Failure::Missing);
         let fault = rows[place].fault.as_ref().filter(is_foreign)?;
-        Some(NotDrawn { why: fault.why.clone(), kind: fault.kind })
+        Some((fault.kind, fault.why.clone()))
     };
-    let mut each = |act: &mut dyn FnMut(usize, Result<Frame, NotDrawn>)| {
+    let mut each = |act: &mut dyn FnMut(usize, Result<Frame, Fault>)| {
         for (place, shot) in shots.iter().enumerate() {
             for &index in &frames {
                 if control.cancel.is_cancelled() {
@@ -137,7 +135,7 @@ pub(crate) fn draw_wedges(
                 Tile::Drawn(canvas)
             }
             (Ok(_), None) => Tile::Missing("nothing to draw".into()),
-            (Err(NotDrawn { why, kind }), _) => {
+            (Err((kind, why)), _) => {
                 if kind != Failure::Missing {
                     unread.entry(place).or_insert_with(|| faults::named(list, place, (kind, why.clone())));
                 }
@@ -168,13 +166,11 @@ fn thirds(shots: &[ShotFolder], maximum: usize) -> Vec<FrameIndex> {
     places.into_iter().map(|place| longest[place].0).collect()
 }
 
-fn read(shot: &ShotFolder, index: FrameIndex, max_memory: Option<u64>) -> Result<Frame, NotDrawn> {
+fn read(shot: &ShotFolder, index: FrameIndex, max_memory: Option<u64>) -> Result<Frame, Fault> {
     match cache::read_frame_within(&cache::frame_path(&shot.cache(), index), max_memory) {
         Ok((frame, _)) => Ok(frame),
-        Err(CacheError::NotFound { .. }) => {
-            Err(NotDrawn { why: "not simulated".into(), kind: Failure::Missing })
-        }
-        Err(why) => Err(NotDrawn { kind: Failure::of(&why), why: why.to_string() }),
+        Err(CacheError::NotFound { .. }) => Err((Failure::Missing, "not simulated".into())),
+        Err(why) => Err((Failure::of(&why), why.to_string())),
     }
 }
 

@@ -1,6 +1,9 @@
 //! The wedges as a table: CSV for spreadsheets, a page to look at.
 
-use super::{faults, list::WedgeList};
+use super::{
+    faults::{self, Fault},
+    list::WedgeList,
+};
 use crate::{
     cache::{self, CacheError},
     job::{
@@ -76,7 +79,7 @@ fn row(shot: &ShotFolder, list: &WedgeList, place: usize) -> WedgeRow {
 }
 
 /// Adds what is known of a shot, and returns the gravest fault of its frames.
-fn fill(row: &mut WedgeRow, shot: &ShotFolder) -> Result<Option<(Failure, String)>, RunError> {
+fn fill(row: &mut WedgeRow, shot: &ShotFolder) -> Result<Option<Fault>, RunError> {
     let found = info::info(shot)?;
     let sound = found.frames.iter().filter(|frame| frame.fault.is_none());
     row.frames = [sound.count() as u64, found.frames.len() as u64 + found.missing_count];

@@ -1,21 +1,23 @@
 //! Whether everything in a shot folder is as it was made.
 
-use super::{
-    FailedFrame, Failure, Manifest, OutputFiles, RunError, ShotFolder, info::frame_ranges,
-    simulate::is_record,
-};
+mod lost;
+mod stage;
+
+use super::{FailedFrame, Failure, Manifest, OutputFiles, RunError, ShotFolder, info::frame_ranges};
 use crate::{
     cache::{self, CacheError, FrameInfo, FrameKeys},
     control::{printable_path, shell_path},
     frame::FrameIndex,
     job::{
         batch::{MAX_FRAMES, state_key},
-        file_records::{FileRecords, FileState, hex},
-        is_file_name, log,
+        file_records::{FileRecords, hex},
     },
     product,
 };
+use lost::{Lost, recorded};
 use serde::Serialize;
+pub(crate) use stage::Stage;
+use stage::{CacheStates, Condition, Fault, unreadable};
 use std::{
     collections::{BTreeMap, BTreeSet, btree_map::Entry},
     path::{Path, PathBuf},
@@ -30,77 +32,8 @@ pub(crate) struct Verification {
     pub stages: Vec<Stage>,
 }
 
-/// The files of the cache, or of one output.
-#[derive(Clone, Debug, Serialize)]
-pub(crate) struct Stage {
-    /// "cache", the output's kind, such as "mesh", "shot" for the manifest, or "records" for a list that cannot be read.
-    pub stage: String,
-    /// The files, with the frame number as `{:04}`; of a product without a manifest its folder.
-    pub pattern: String,
-    /// Files that are as they were made.
-    pub valid: u64,
-    /// All others; of many that are missing the first thousand.
-    pub faults: Vec<Fault>,
-    /// Files that are missing.
-    pub missing: u64,
-    /// The command that makes again what is not valid.
-    pub repair: String,
-}
-
-/// A file that is not as it was made.
-#[derive(Clone, Debug, Serialize)]
-pub(crate) struct Fault {
-    /// The frame; of a file of all frames the first.
-    pub frame: u32,
-    /// The file, relative to the folder.
-    pub file: String,
-    /// What is wrong with it.
-    pub state: Condition,
-    /// What was found and expected.
-    #[serde(skip_serializing_if = "String::is_empty")]
-    pub why: String,
-}
-
-/// What may be wrong with a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum Condition {
-    /// No file of that name is there.
-    Missing,
-    /// Its bytes are not those that were written.
-    Corrupt,
-    /// It was made from a frame that has changed since, or by another version.
-    Stale,
-    /// It is of another shot or frame, or of another program.
-    Foreign,
-}
-
-impl Condition {
-    /// The word for it in messages and JSON.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Missing => "missing",
-            Self::Corrupt => "corrupt",
-            Self::Stale => "stale",
-            Self::Foreign => "foreign",
-        }
-    }
-
-    /// The kind of failure that exit codes distinguish.
-    fn failure(self) -> Failure {
-        match self {
-            Self::Missing => Failure::Missing,
-            Self::Corrupt => Failure::Corrupt,
-            Self::Stale | Self::Foreign => Failure::Foreign,
-        }
-    }
-}
-
 /// Missing files of a stage that the message of an error names one by one.
 const MAX_NAMED_MISSING: u64 = 3;
-
-/// Missing files that are listed.
-const MAX_LISTED_MISSING: u64 = 1000;
 
 /// Reads every file of the folder that the manifest names, and every cached frame, to the last byte.
 ///
@@ -168,14 +101,6 @@ pub(super) fn requested_frames(manifest: &Manifest) -> BTreeSet<u32> {
         ranges => ranges,
     };
     ranges.iter().flat_map(|range| range.numbers()).take(MAX_FRAMES as usize).collect()
-}
-
-/// What is known of the cached frames.
-struct CacheStates {
-    /// The frames that were requested; none if nothing was simulated into the folder.
-    requested: BTreeSet<u32>,
-    /// The states of the streams of each valid frame.
-    states: BTreeMap<FrameIndex, BTreeSet<String>>,
 }
 
 impl Verification {
@@ -332,140 +257,4 @@ fn records_of(folder: &ShotFolder, product: &str, stages: &mut Vec<Stage>) -> Op
     let read = FileRecords::read(folder, product);
     let next = "then make its files again";
     read.map_err(|why| stages.push(unreadable(folder, &format!("{product}.jsonl"), why, next))).ok()
-}
-
-/// A stage with a list of files, or a log, that cannot be read.
-fn unreadable(folder: &ShotFolder, file: &str, why: RunError, next: &str) -> Stage {
-    let path = shell_path(&folder.root().join(file));
-    let why = match why {
-        RunError::File { source, .. } => source.to_string(),
-        other => other.to_string(),
-    };
-    let mut stage = Stage::new("records", file, format!("move {path} away, {next}"));
-    stage.faults.push(Fault { frame: 0, file: file.into(), state: Condition::Corrupt, why });
-    stage
-}
-
-/// Why a file shows another state than the cached frame of its number; `None` if it does not, or that is not known.
-fn stale(
-    records: &FileRecords,
-    file: &str,
-    states: &BTreeMap<FrameIndex, BTreeSet<String>>,
-) -> Option<String> {
-    let (record, _) = records.of(file)?;
-    let state = record.state.as_ref()?;
-    let of_frame = states.get(&record.frame)?;
-    let is_other = !of_frame.contains(state);
-    is_other.then(|| format!("made from another state of frame {} than is cached", record.frame))
-}
-
-/// What is left of a shot whose manifest is missing, or names no simulation.
-struct Lost {
-    /// The frames with a line in the log, which has none about the first.
-    frames: BTreeSet<u32>,
-}
-
-impl Lost {
-    /// `None` if there is neither the preset that jobs keep nor a log, as in the folder of a cache that another program wrote.
-    fn of(folder: &ShotFolder, stages: &mut Vec<Stage>) -> Option<Self> {
-        let frames = log::frames(folder).unwrap_or_else(|why| {
-            let next = "which loses what it reports of each frame";
-            stages.push(unreadable(folder, "log.jsonl", why, next));
-            BTreeSet::new()
-        });
-        (!frames.is_empty() || is_record(folder)).then_some(Self { frames })
-    }
-
-    /// The fault of the manifest, of a shot with these frames.
-    fn stage(&self, folder: &ShotFolder, present: &BTreeSet<u32>) -> Stage {
-        let frames: Vec<u32> = self.frames.union(present).copied().collect();
-        let repair = match is_record(folder) {
-            true => {
-                let (root, preset) = (shell_path(folder.root()), shell_path(&folder.preset()));
-                let frames = match frames.is_empty() {
-                    true => String::new(),
-                    false => format!(" --frames {}", frame_ranges(&frames)),
-                };
-                format!(
-                    "simulate again, which keeps valid frames: meniscus simulate {preset} -o {root}{frames}"
-                )
-            }
-            false => "simulate again: the command that made these frames".into(),
-        };
-        let mut stage = Stage::new("shot", "shot.json", repair);
-        stage.missing = 1;
-        let file = "shot.json".to_owned();
-        let why = match folder.manifest().exists() {
-            true => "what is there names no simulation: a product wrote it after the shot's own was lost",
-            false if frames.is_empty() => "not simulated yet",
-            false => "",
-        };
-        let why = why.to_owned();
-        stage.faults.push(Fault { frame: 0, file, state: Condition::Missing, why });
-        stage
-    }
-}
-
-/// Compares the files that a product recorded; `None` if it recorded none.
-fn recorded(
-    folder: &ShotFolder,
-    (product, verb): (&str, &str),
-    records: &FileRecords,
-    cache: &CacheStates,
-) -> Option<Stage> {
-    let repair = format!("make again: meniscus {verb} {}", shell_path(folder.root()));
-    let mut stage = Stage::new(product, &format!("{product}/"), repair);
-    for (frame, file) in records.files() {
-        // Other names are of no product.
-        if file.split_once('/').is_some_and(|(folder, file)| folder == product && is_file(file)) {
-            stage.compare(folder, records, &cache.states, (frame.0, file.to_owned()));
-        }
-    }
-    (stage.valid > 0 || !stage.faults.is_empty()).then_some(stage)
-}
-
-/// Whether this is the name of a file as products give them: a stem and an extension.
-fn is_file(name: &str) -> bool {
-    name.rsplit_once('.').is_some_and(|(stem, extension)| is_file_name(stem) && is_file_name(extension))
-}
-
-impl Stage {
-    /// A stage of which no file was compared.
-    fn new(stage: &str, pattern: &str, repair: String) -> Self {
-        let (stage, pattern) = (stage.into(), pattern.into());
-        Self { stage, pattern, valid: 0, faults: Vec::new(), missing: 0, repair }
-    }
-
-    /// Compares the file of a frame with its record and with the cached frame.
-    fn compare(
-        &mut self,
-        folder: &ShotFolder,
-        records: &FileRecords,
-        states: &BTreeMap<FrameIndex, BTreeSet<String>>,
-        (frame, file): (u32, String),
-    ) {
-        let (state, why) = match records.state(folder, &file) {
-            FileState::Valid => match stale(records, &file, states) {
-                None => {
-                    self.valid += 1;
-                    return;
-                }
-                Some(why) => (Condition::Stale, why),
-            },
-            FileState::Missing => return self.add_missing([(frame, file)].into_iter()),
-            FileState::Damaged(why) => (Condition::Corrupt, why),
-            FileState::Foreign(why) => (Condition::Foreign, why),
-        };
-        self.faults.push(Fault { frame, file, state, why });
-    }
-
-    /// Adds files that are not there, with their frames.
-    fn add_missing(&mut self, files: impl Iterator<Item = (u32, String)>) {
-        for (frame, file) in files {
-            self.missing += 1;
-            if self.missing <= MAX_LISTED_MISSING {
-                self.faults.push(Fault { frame, file, state: Condition::Missing, why: String::new() });
-            }
-        }
-    }
 }
