@@ -1,14 +1,15 @@
 #!/usr/bin/env python3
 """Lets system calls, memory and disks fail while jobs run, and continues the jobs: is anything lost or wrong then?
 
-    tools/soak/faults.py [MENISCUS] [--calls N]
+    tools/soak/faults.py [MENISCUS] [--calls N] [--only JOB...]
 
 Calls: with `strace`, the n-th fsync, fdatasync, rename, openat and write of a job fails, for n from 1 until it has no such call, or --calls
 times. Memory: the job runs under address-space limits from too little for the program to enough. Disk: on a tmpfs that is
 too small (needs the right to mount). After each the job may fail, by a documented exit code and with a message, but the same
 command without the fault must then end with 0, `verify` must find everything valid, and every file and line of the logs must
 equal those of an undisturbed run.
-Prints the exit codes of every part; exits with 1 at the first difference. Parts that cannot run here are named.
+Prints the exit codes of every part; exits with 1 at the first difference. Parts that cannot run here are named. Every job in turn,
+or those named by --only: two processes with different ones can run next to each other.
 
 Needs only Python's standard library, and Linux.
 """
@@ -142,13 +143,14 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("binary", nargs="?", type=pathlib.Path, default=ROOT / "target/release/meniscus")
     parser.add_argument("--calls", type=int, help="calls of each kind that fail at most, one a run")
+    parser.add_argument("--only", nargs="+", choices=JOBS, default=list(JOBS), metavar="JOB", help=f"only these of {', '.join(JOBS)}")
     args = parser.parse_args()
     binary = args.binary.resolve()
     can_inject = shutil.which("strace") is not None
     if not can_inject:
         print("LEFT OUT: failing system calls (strace is not installed)")
     with tempfile.TemporaryDirectory() as parent:
-        for name in JOBS:
+        for name in args.only:
             study = Study(binary, name, pathlib.Path(parent))
             parts = {"memory": memory(study), "disk": disk(study)}
             if can_inject:
