@@ -2,15 +2,16 @@
 """Load: many frames, many particles, many runs.
 
     tools/soak/load.py frames    [--count 10000] [--blender PYTHON]   seconds of info, verify, resume and import, and of a tenth of them
-    tools/soak/load.py particles [--spacing "1 cm"] [--frames 1-240]  memory of every frame, simulated, meshed, verified and imported
+    tools/soak/load.py particles [--height 5] [--frames 1-240]        memory of every frame, simulated, meshed, verified and imported
     tools/soak/load.py repeat    [--times 10] [--only PRESET...]      every preset's draft tier, with jittered timing, compared
 
 `--meniscus BINARY` names the program (target/release/meniscus), `-o DIR` keeps the files. Exit code 1: a limit was exceeded.
 
 `frames`: each command takes less than 10 s and at most 1.5 times its tenth's time per frame (plus half a second). PYTHON is one that
 has `bpy`, here and for `particles`; without it the import is left out.
-`particles`: peak resident memory while the last tenth of the frames is simulated and meshed within 5 % of that of the first tenth; a
-million particles by default. The memory of `verify` is printed.
+`particles`: `dam-break` at its draft accuracy and spacing (5 cm), with a column as high as --height [m] in place of one metre: 5 m are a
+million particles. Peak resident memory while the last tenth of the frames is simulated and meshed within 5 % of that of the first
+tenth. The memory of `verify` is printed.
 `repeat`: each run has another number of threads and is stopped and continued (SIGSTOP, SIGCONT) at random moments; its files must
 equal those of the first (tools/soak/identical.py, needs numpy and zstandard).
 """
@@ -126,12 +127,21 @@ def memory_of(command, done):
     return peaks
 
 
+def table(values):
+    """A table in the notation of presets."""
+    return "{ " + ", ".join(f"{key} = {json.dumps(value)}" for key, value in values.items()) + " }"
+
+
 def particles(args, folder):
     shot = folder / "shot"
     if shot.exists():
         sys.exit(f"{shot} exists: frames that are there would not be made, so name another folder")
     failed = False
-    options = ["--quality", "draft", "--set", f"liquid.spacing={json.dumps(args.spacing)}", "--frames", args.frames]
+    # The proportions of the preset.
+    height = args.height
+    column, tank = ({"min": [0, 0, 0], "max": [part * height for part in parts]} for parts in [(1.0, 1.0, 1.0), (3.2, 1.0, 2.0)])
+    options = ["--quality", "draft", "--frames", args.frames]
+    options += ["--set", f"liquid.source.0.shape.box={table(column)}", "--set", f"world.collider.0.shape.tank={table(tank)}"]
     for name, command, below in [
         ("simulate", ["simulate", "dam-break", *options, "-o", shot], "cache/frame_*.mcf"),
         ("mesh", ["mesh", shot], "mesh/liquid_*.ply"),
@@ -205,7 +215,7 @@ def main():
     parser.add_argument("-o", dest="output", type=pathlib.Path, help="keeps the files here")
     parser.add_argument("--count", type=int, default=10_000)
     parser.add_argument("--blender", metavar="PYTHON")
-    parser.add_argument("--spacing", default="1 cm")
+    parser.add_argument("--height", type=float, default=5.0)
     parser.add_argument("--frames", default="1-240")
     parser.add_argument("--times", type=int, default=10)
     parser.add_argument("--only", nargs="+", metavar="PRESET")
