@@ -1,6 +1,6 @@
 //! What is wrong with a preset, and where.
 
-use std::{ops::Range, path::PathBuf, sync::Arc};
+use std::{io::ErrorKind, ops::Range, path::PathBuf, sync::Arc};
 
 /// Why there is no scene.
 #[derive(Debug, thiserror::Error)]
@@ -92,7 +92,12 @@ impl SceneError {
             Self::Unreadable { nearest: Some(name), .. } => {
                 Some(format!("`{name}` is a built-in preset: give its name alone, without a path or .toml"))
             }
-            Self::Unreadable { .. } => Some(format!("built-in presets: {}", names())),
+            Self::Unreadable { cause, .. } if cause.kind() == ErrorKind::NotFound => {
+                Some(format!("built-in presets: {}", names()))
+            }
+            Self::Unreadable { .. } => Some(
+                "name a text file that this user may read, or a built-in preset; `meniscus presets` lists them".into(),
+            ),
             Self::Invalid(_) => None,
         }
     }

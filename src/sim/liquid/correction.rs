@@ -6,7 +6,7 @@
 //! (docs/decisions/022), which the neighbour sums then have; those of solids, which are at their poses at the end of the
 //! substep, and of images in rigid bodies are at x*.
 
-use super::{density::Chunk, lanes, pair::Pair, pass::NeighbourPass};
+use super::{density::Chunk, images::PairSample, lanes, pair::Pair, pass::NeighbourPass};
 use crate::{
     math::Vec3,
     par,
@@ -51,7 +51,7 @@ impl NeighbourPass for CorrectionPass<'_> {
         let blocks = self.p.chunks_mut(LANES).zip(self.built_at.chunks(LANES)).enumerate();
         for (block, (p, built_at)) in blocks {
             let first = self.at.start + block * LANES;
-            let deltas = corrections::<L, P>(&self.at, first, p);
+            let Corrections { deltas, by_solids } = corrections::<L, P>(&self.at, first, p);
             for (k, (x, built_at)) in p.iter_mut().zip(built_at).enumerate() {
                 let i = first + k;
                 let (delta, short) = limit(deltas[k], setup.rest.spacing);
@@ -76,8 +76,7 @@ impl NeighbourPass for CorrectionPass<'_> {
                     total.work += setup.walls.pressure_work(*x, self.at.nodes[i].value());
                 }
                 if let Some(push) = self.wall_push.get_mut(block * LANES + k) {
-                    *push += self.at.boundary_density(i, *x).1 * self.at.nodes[i].value();
-                    *push += self.at.samples.of(i).iter().map(|sample| sample.push.by_body).sum::<Vec3>();
+                    *push += by_solids[k];
                 }
                 *x = moved;
                 total.farthest2 = total.farthest2.max(displacement2);
@@ -88,9 +87,17 @@ impl NeighbourPass for CorrectionPass<'_> {
     }
 }
 
+/// Corrections of eight particles [m].
+struct Corrections {
+    /// Δp.
+    deltas: [Vec3; LANES],
+    /// The part that solids take up: of their density, and of images in rigid bodies.
+    by_solids: [Vec3; LANES],
+}
+
 /// Δp of up to eight particles with consecutive indices from `first`, whose positions are `p`.
 #[inline(always)]
-fn corrections<L: Lanes, P: Pair>(at: &Chunk<'_>, first: usize, p: &[Vec3]) -> [Vec3; LANES] {
+fn corrections<L: Lanes, P: Pair>(at: &Chunk<'_>, first: usize, p: &[Vec3]) -> Corrections {
     let zero = L::splat(0.0);
     let (mut delta, mut coincident) = ([[zero; LANES]; 3], [zero; LANES]);
     let mut padded = [0.0; LANES];
@@ -113,7 +120,7 @@ fn corrections<L: Lanes, P: Pair>(at: &Chunk<'_>, first: usize, p: &[Vec3]) -> [
     let [x, y, z] = [L::sums(&delta[0]), L::sums(&delta[1]), L::sums(&delta[2])];
     let coincident = L::sums(&coincident);
     let scale = at.setup.rest.gradient_scale;
-    let mut deltas = [Vec3::zeros(); LANES];
+    let (mut deltas, mut by_solids) = ([Vec3::zeros(); LANES], [Vec3::zeros(); LANES]);
     for k in 0..p.len() {
         let i = first + k;
         let mut sum = -Vec3::new(x[k], y[k], z[k]);
@@ -123,13 +130,15 @@ fn corrections<L: Lanes, P: Pair>(at: &Chunk<'_>, first: usize, p: &[Vec3]) -> [
         deltas[k] = sum * scale; // Δp_i, [pbf] Eq. 12
         let lambda = at.nodes[i].value();
         if lambda != 0.0 {
-            deltas[k] += at.boundary_density(i, p[k]).1 * lambda;
+            by_solids[k] = at.boundary_density(i, p[k]).1 * lambda;
+            deltas[k] += by_solids[k];
         }
-        for sample in at.samples.of(i) {
-            deltas[k] += sample.push.by_neighbours + sample.push.by_body;
+        for PairSample { push, .. } in at.samples.of(i) {
+            deltas[k] += push.by_neighbours + push.by_body;
+            by_solids[k] += push.by_body;
         }
     }
-    deltas
+    Corrections { deltas, by_solids }
 }
 
 /// Contribution of coincident neighbours to the sum of [`corrections`].

@@ -53,6 +53,7 @@ mod record;
 mod relaxation;
 mod repulsion;
 mod rigid;
+mod rigid_pairs;
 mod rigid_pressure;
 mod rigid_system;
 mod seed;

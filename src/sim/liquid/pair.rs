@@ -53,7 +53,7 @@ impl Pair for Wendland {
 }
 
 /// Density kernel and slope of the gradient kernel at q < 1, given q², of one pair of particles.
-#[inline]
+#[inline(always)]
 pub(super) fn kernel_and_slope(kernel: Kernel, q2: f32) -> (f32, f32) {
     let q = q2.sqrt();
     let t = 1.0 - q;

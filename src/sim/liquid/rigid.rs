@@ -14,7 +14,8 @@
 //! Limits: the particles at two bodies at once are solved for each of them separately.
 
 use super::{
-    images::{BodySamples, ImageLists, Pair, PairSample},
+    images::{BodySamples, PairSample},
+    rigid_pairs::{ImageLists, ImageNodes, RigidPair},
     rigid_system::{Lever, dot, lever, yield_to},
     walls::{ROUNDING, Walls},
 };
@@ -72,12 +73,14 @@ pub(super) struct RigidContact {
 #[derive(Debug, Default)]
 pub(super) struct RigidSide {
     /// The particles near bodies, in ascending order.
-    pub(super) pairs: Vec<Pair>,
+    pub(super) pairs: Vec<RigidPair>,
     /// What an iteration evaluates at each of them.
     pub(super) samples: Vec<PairSample>,
     /// The pairs of the neighbours of each of them.
     pub(super) images: ImageLists,
-    /// Index of the first pair of each particle, or [`NO_PAIR`]; empty without bodies.
+    /// The pairs in the layout of the sums over [`Self::images`].
+    pub(super) image_nodes: ImageNodes,
+    /// Index of the first pair of each particle, or `NO_PAIR`; empty without bodies.
     pub(super) first_pair: Vec<u32>,
     /// Whether the pairs have the surfaces at the current positions and poses.
     pub(super) is_sampled: bool,
@@ -201,7 +204,7 @@ impl RigidSide {
         &mut self,
         bodies: &mut [RigidBody],
         scale: f64,
-        displacement: impl Fn(&Pair, &PairSample) -> Option<(Vec3, Vec3)> + Sync,
+        displacement: impl Fn(&RigidPair, &PairSample) -> Option<(Vec3, Vec3)> + Sync,
     ) {
         let (pairs, samples, all) = (&self.pairs, &self.samples, &*bodies);
         let add = |k: usize, sums: &mut [Lever]| {
@@ -255,7 +258,7 @@ impl RigidSide {
         scale: f64,
         force: impl Fn(usize) -> Option<(Vec3, Vec3, Vec3)> + Sync,
     ) {
-        self.react_to_pairs(bodies, scale, |&Pair { particle, body, .. }, _| {
+        self.react_to_pairs(bodies, scale, |&RigidPair { particle, body, .. }, _| {
             let (x, gradient, displacement) = force(particle as usize)?;
             let own = walls.rigid_gradient(body as usize, x);
             Some((x, displacement * (own.dot(&gradient) / gradient.norm_squared())))

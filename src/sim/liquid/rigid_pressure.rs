@@ -2,8 +2,9 @@
 
 use super::{
     density::Multiplier,
-    images::{Images, NO_PAIR, Pair, PairSample},
+    images::{Images, PairSample},
     rigid::{RigidSide, sum_by_body},
+    rigid_pairs::{NO_PAIR, RigidPair},
     rigid_system::{BodySystem, Lever, dot, lever},
     setup::{LIST_SKIN, SolverSetup},
     solve::Solver,
@@ -66,7 +67,7 @@ impl Solver {
                 for body in walls.rigid_bodies_near(p[i], reach) {
                     let distance = walls.min_mirror_distance(body, p[i], approach);
                     let mirror = Mirror { distance, ..Mirror::default() };
-                    pairs.push(Pair { particle: i as u32, body: body as u32, x: p[i], mirror });
+                    pairs.push(RigidPair { particle: i as u32, body: body as u32, x: p[i], mirror });
                 }
             }
             pairs
@@ -75,7 +76,7 @@ impl Solver {
         self.rigid.first_pair.clear();
         self.rigid.first_pair.resize(p.len(), NO_PAIR);
         // The bodies may come closer by the margin before the lists are built again.
-        for (k, &Pair { particle, .. }) in (0..).zip(&self.rigid.pairs) {
+        for (k, &RigidPair { particle, .. }) in (0..).zip(&self.rigid.pairs) {
             let first = &mut self.rigid.first_pair[particle as usize];
             if *first == NO_PAIR {
                 *first = k;
@@ -105,16 +106,14 @@ impl Solver {
         }
         let Self { p, rigid, .. } = self;
         let walls = setup.walls;
-        let RigidSide { pairs, samples, images: lists, .. } = rigid;
+        let RigidSide { pairs, samples, images: lists, image_nodes: nodes, .. } = rigid;
         par::update(pairs, |_, pair| {
             pair.x = p[pair.particle as usize];
             pair.mirror = walls.mirror(pair.body as usize, pair.x);
         });
-        let images = Images { rest: setup.rest, pairs, lists };
-        par::update(samples, |k, sample| {
-            sample.colliders = walls.collider_density(images.pairs[k].x);
-            sample.image = images.density(k);
-        });
+        nodes.publish(pairs, setup.rest.inv_support);
+        par::update(samples, |k, sample| sample.colliders = walls.collider_density(pairs[k].x));
+        Images { rest: setup.rest, pairs, lists, nodes }.find_densities(samples);
         rigid.is_sampled = true;
     }
 
@@ -124,9 +123,9 @@ impl Solver {
         if !rigid.is_sampled {
             return;
         }
-        let images = Images { rest: setup.rest, pairs: &rigid.pairs, lists: &rigid.images };
-        let value = |i: u32| nodes[i as usize].value();
-        par::update(&mut rigid.samples, |k, sample| sample.push = images.push(k, value));
+        let RigidSide { pairs, samples, images: lists, image_nodes, .. } = rigid;
+        image_nodes.set_lambda(pairs, |i| nodes[i as usize].value());
+        Images { rest: setup.rest, pairs, lists, nodes: image_nodes }.find_pushes(samples);
     }
 
     /// Reduces the changes of pressure near bodies by what the bodies yield to them, before particles are moved.
@@ -139,7 +138,7 @@ impl Solver {
         let (change, total, diagonal) = (&*lambda, &*applied, &*denominator);
         let is_active = |i: usize| !is_accumulating || total[i] > lower_bound(i);
         let add = |k: usize, sums: &mut [BodySystem]| {
-            let (Pair { particle, body, x, .. }, sample) = (pairs[k], &samples[k]);
+            let (RigidPair { particle, body, x, .. }, sample) = (pairs[k], &samples[k]);
             let (i, body) = (particle as usize, body as usize);
             if sample.image.of_body[0] != Vec3::zeros() && is_active(i) {
                 let lever = pair_lever(&bodies[body], x, sample);
@@ -150,11 +149,11 @@ impl Solver {
         let solve = |(system, body): (BodySystem, &RigidBody)| system.solve(body, mass);
         let yielded: Vec<Lever> = systems.into_iter().zip(bodies).map(solve).collect();
         par::update(samples, |k, sample| {
-            let Pair { body, x, .. } = pairs[k];
+            let RigidPair { body, x, .. } = pairs[k];
             let body = body as usize;
             sample.gives = dot(&pair_lever(&bodies[body], x, sample), &yielded[body]) as f32;
         });
-        for (&Pair { particle, .. }, &PairSample { gives, .. }) in pairs.iter().zip(&*samples) {
+        for (&RigidPair { particle, .. }, &PairSample { gives, .. }) in pairs.iter().zip(&*samples) {
             let i = particle as usize;
             if gives == 0.0 || (is_accumulating && applied[i] <= lower_bound(i)) {
                 continue;
@@ -176,7 +175,7 @@ impl Solver {
     pub(super) fn push_rigid_bodies(&mut self, walls: &Walls, bodies: &mut [RigidBody], units: [f64; 2]) {
         let Self { rigid, p, wall_push, .. } = self;
         rigid.discard_samples();
-        let push = |pair: &Pair, PairSample { push, .. }: &PairSample| {
+        let push = |pair: &RigidPair, PairSample { push, .. }: &PairSample| {
             (push.by_body != Vec3::zeros()).then_some((pair.x, push.by_body))
         };
         rigid.react_to_pairs(bodies, units[1], push);

@@ -20,10 +20,10 @@
 use super::{
     ImplicitViscosity, LiquidParams,
     calibration::RestState,
-    images::Pair as RigidPair,
     lanes::{self, Node},
     pair::Pair,
     pass::{self, NeighbourPass},
+    rigid_pairs::RigidPair,
     rigid_system::Lever,
     viscous_bodies::ViscousBodies,
     viscous_kernel::ViscousKernel,

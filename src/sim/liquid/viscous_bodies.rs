@@ -11,8 +11,8 @@
 //! Limits: those of `walls/no_slip.rs`: bodies are taken as flat within the support of the kernel.
 
 use super::{
-    images::{NO_PAIR, Pair},
     rigid::sum_by_body,
+    rigid_pairs::{NO_PAIR, RigidPair},
     rigid_system::Lever,
     walls::Resistance,
 };
@@ -68,7 +68,7 @@ impl ViscousBodies {
     pub(super) fn assemble(
         &mut self,
         bodies: &[RigidBody],
-        (pairs, p): (&[Pair], &[Vec3]),
+        (pairs, p): (&[RigidPair], &[Vec3]),
         particle_mass: f64,
         resistance: impl Fn(usize, usize) -> Option<Resistance> + Sync,
     ) {
@@ -77,7 +77,7 @@ impl ViscousBodies {
         }
         let found = par::map_chunks(pairs.len(), par::CHUNK, |range| {
             let drag = |k: usize| {
-                let Pair { particle, body, .. } = pairs[k];
+                let RigidPair { particle, body, .. } = pairs[k];
                 let resistance = resistance(particle as usize, body as usize)?;
                 let arm = (p[particle as usize].cast() - bodies[body as usize].position()).cast();
                 Some(Drag { particle, body, arm, resistance })

@@ -91,9 +91,21 @@ impl Walls {
     /// Density of one body whose surface is moved inward by `shift` [m], and the negative gradient [1/m] of that without the shift.
     #[inline]
     pub(super) fn body_density(&self, body: &Body, x: Vec3, shift: f32) -> (f32, Vec3) {
-        let pose = body.mover.map(|mover| &self.movers[mover].now);
-        let own = pose.map_or(x, |pose| pose.to_local(x));
-        let turned = |n: Vec3| pose.map_or(n, |pose| pose.rotation * n);
+        let own = self.own_position(body, x);
+        self.body_density_with(body, [x, own], || body.shape.contact(own), shift)
+    }
+
+    /// As [`Self::body_density`] at a position in the coordinates of the world and of the body, where `contact` gives distance and normal
+    /// in the latter.
+    #[inline]
+    pub(super) fn body_density_with(
+        &self,
+        body: &Body,
+        [x, own]: [Vec3; 2],
+        contact: impl FnOnce() -> (f32, Vec3),
+        shift: f32,
+    ) -> (f32, Vec3) {
+        let turned = |n: Vec3| self.turned(body, n);
         if let Some(map) = &body.density_map {
             let (d, n) = map.contact(own);
             return (self.half_space_density(d, shift), turned(n) * self.half_space_slope(d));
@@ -102,7 +114,7 @@ impl Walls {
             let (share, slope) = self.box_density(min, max, own, shift);
             return (share, turned(slope));
         }
-        let (d, n) = body.shape.contact(own);
+        let (d, n) = contact();
         if let Some(curvature) = mean_curvature(&body.shape, own, n, self.support) {
             let (share, slope) = self.round_density(curvature, d, shift);
             return (share, turned(n) * slope);

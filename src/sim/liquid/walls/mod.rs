@@ -275,22 +275,25 @@ impl Walls {
 
     #[inline]
     fn body_distance(&self, body: &Body, x: Vec3) -> f32 {
-        match body.mover {
-            None => body.shape.signed_distance(x),
-            Some(mover) => body.shape.signed_distance(self.movers[mover].now.to_local(x)),
-        }
+        body.shape.signed_distance(self.own_position(body, x))
     }
 
     #[inline]
     fn body_contact(&self, body: &Body, x: Vec3) -> (f32, Vec3) {
-        match body.mover {
-            None => body.shape.contact(x),
-            Some(mover) => {
-                let pose = &self.movers[mover].now;
-                let (d, n) = body.shape.contact(pose.to_local(x));
-                (d, pose.rotation * n)
-            }
-        }
+        let (d, n) = body.shape.contact(self.own_position(body, x));
+        (d, self.turned(body, n))
+    }
+
+    /// `x` in the coordinates of a body.
+    #[inline]
+    fn own_position(&self, body: &Body, x: Vec3) -> Vec3 {
+        body.mover.map_or(x, |mover| self.movers[mover].now.to_local(x))
+    }
+
+    /// A direction of a body in the coordinates of the world.
+    #[inline]
+    fn turned(&self, body: &Body, direction: Vec3) -> Vec3 {
+        body.mover.map_or(direction, |mover| self.movers[mover].now.rotation * direction)
     }
 
     /// `x` projected out of the solids, and whether it is still closer to one than the contact distance.

@@ -101,21 +101,27 @@ impl Walls {
 
     /// The surface of a rigid body as a particle at `x` sees it. The weight is the square root of the density that the body contributes
     /// over that of a half space as near: 1 at a flat face, less at an edge. In a hollow, where images in one face are too few, it is 1, and the rest of
-    /// the density is the body's own.
+    /// the density is the body's own. Beyond the support the body has no density.
     pub(in crate::sim::liquid) fn mirror(&self, body: usize, x: Vec3) -> Mirror {
         let body = &self.bodies[self.rigid_index(body)];
-        let (d, normal) = self.body_contact(body, x);
+        let own = self.own_position(body, x);
+        let (d, own_normal) = body.shape.contact(own);
+        let normal = self.turned(body, own_normal);
         let distance = d.max(0.0) * self.inv_support;
-        let (share, falls) = self.body_density(body, x, 0.0);
+        let mut mirror = Mirror { distance, normal, weight: 1.0, ..Mirror::default() };
+        if distance >= 1.0 {
+            return mirror;
+        }
+        let density = |shift: f32| self.body_density_with(body, [x, own], || (d, own_normal), shift);
+        let (share, falls) = density(0.0);
         let of_half_space = self.half_space_density(d, 0.0) + SMALLEST_DENSITY;
         let falls_of_half_space = normal * self.half_space_slope(d);
-        let mut mirror = Mirror { distance, normal, weight: 1.0, ..Mirror::default() };
         let squared = (share + SMALLEST_DENSITY) / of_half_space;
         if squared < 1.0 {
             mirror.weight = squared.sqrt();
             mirror.slope = (falls_of_half_space * squared - falls) / (2.0 * mirror.weight * of_half_space);
         } else {
-            let excess = self.body_density(body, x, self.shift).0 - self.half_space_density(d, self.shift);
+            let excess = density(self.shift).0 - self.half_space_density(d, self.shift);
             mirror.excess = (excess.max(0.0), falls_of_half_space - falls);
         }
         mirror

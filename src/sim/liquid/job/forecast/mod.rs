@@ -42,9 +42,9 @@ const FRICTION_BYTES: f64 = 24.0;
 /// Microrotation and buffers of its exchange [bytes/particle].
 const MICROPOLAR_BYTES: f64 = 64.0;
 
-/// Projections by solids, and pairs of particles and rigid bodies with what is evaluated at them; pairs exist twice while they are found
-/// [bytes/particle].
-const BODY_BYTES: f64 = 12.0 + 4.0 + 2.0 * 68.0 + 88.0 + 4.0;
+/// Projections by solids, and pairs of particles and rigid bodies with what is evaluated at them and what their neighbours read; pairs exist
+/// twice while they are found [bytes/particle].
+const BODY_BYTES: f64 = 12.0 + 4.0 + 2.0 * 68.0 + 88.0 + 48.0 + 4.0;
 
 /// Lists of images, 6 to 12 at each particle, which exist twice while they are found [bytes/particle]: they grow with the volume of the kernel.
 const IMAGE_LIST_BYTES: f64 = 2.0 * 12.0 * 4.0;
