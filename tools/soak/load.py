@@ -10,8 +10,9 @@
 `frames`: each command takes less than 10 s and at most 1.5 times its tenth's time per frame (plus half a second). PYTHON is one that
 has `bpy`, here and for `particles`; without it the import is left out.
 `particles`: `dam-break` at its draft accuracy and spacing (5 cm), with a column as high as --height [m] in place of one metre: 5 m are a
-million particles. Peak resident memory while the last tenth of the frames is simulated and meshed within 5 % of that of the first
-tenth. The memory of `verify` is printed.
+million particles. Peak resident memory while the last tenth of the frames is simulated within 5 % of that of the first tenth. The
+memory of a mesh follows the size of its surface: while the last tenth is meshed it is within 5 % of that of a process which meshes no other
+frames. The memory of `verify` is printed.
 `repeat`: each run has another number of threads and is stopped and continued (SIGSTOP, SIGCONT) at random moments; its files must
 equal those of the first (tools/soak/identical.py, needs numpy and zstandard).
 """
@@ -132,6 +133,13 @@ def table(values):
     return "{ " + ", ".join(f"{key} = {json.dumps(value)}" for key, value in values.items()) + " }"
 
 
+def memory_of_last(args, shot, output, count):
+    """Peak resident memory of a process that meshes the last `count` frames of a shot alone."""
+    frames = [file.stem.removeprefix("frame_") for file in sorted(shot.glob("cache/frame_*.mcf"))]
+    command = [args.meniscus, "mesh", shot, "-o", output, "--frames", f"{int(frames[-count])}-{int(frames[-1])}", "--progress", "none"]
+    return max(memory_of(command, lambda: 0).values())
+
+
 def particles(args, folder):
     shot = folder / "shot"
     if shot.exists():
@@ -157,9 +165,13 @@ def particles(args, folder):
         if len(numbers) >= 20:
             tenth = len(numbers) // 10
             first, last = (max(peaks[number] for number in part) / 2**20 for part in (numbers[:tenth], numbers[-tenth:]))
+            line += f"; first tenth {first:.0f}, last tenth {last:.0f} MiB"
+            if name == "mesh":
+                first = memory_of_last(args, shot, folder / "last", tenth) / 2**20
+                line += f", alone {first:.0f} MiB"
             grown = last / first - 1.0
             failed |= grown > 0.05
-            line += f"; first tenth {first:.0f}, last tenth {last:.0f} MiB ({grown:+.1%})"
+            line += f" ({grown:+.1%})"
         elif below is not None:
             failed = True
             line += f"; TOO FEW FRAMES were seen to compare ({len(numbers)})"
