@@ -27,8 +27,8 @@ LARGE = {
     "figure-drop": ["liquid.spacing=1.07 cm", "liquid.surface_tension.coefficient=0.56 N/m"],
     "honey": ["liquid.spacing=0.46 mm"],
 }
-# Pictures that were rendered from the shots as written.
-PICTURE = "docs/images/{}.png"
+# Pictures that were rendered from the shots.
+PICTURES = ["docs/images/{}.jpg", "docs/images/{}.png"]
 
 
 def presets(binary):
@@ -55,12 +55,11 @@ def row(binary, preset, tier, frames, folder):
     record = max(records, key=lambda record: record.get("frame", 0))
     peak_particles = max(record.get("particles", 0) for record in records)
     sizes = [size(shot / "cache"), sum(size(shot / kind) for kind in ("mesh", "volume", "sheet"))]
-    picture = PICTURE.format(preset)
     first = tier in (TIERS[0], "large")
-    shown = first and (ROOT / picture).exists()
+    pictures = [name for name in (form.format(preset) for form in PICTURES) if first and (ROOT / name).exists()]
     cells = [
         f"`{preset}`" if first else "",
-        f"![]({picture})" if shown else "",
+        f"![]({pictures[0].removeprefix('docs/')})" if pictures else "",
         "as written" if tier == "final" else tier,
         f"{peak_particles:,}".replace(",", " "),
         str(record["frame"]),
