@@ -448,6 +448,18 @@ fn a_limit_of_the_size_of_files_is_a_full_disk() {
     desk.run("verify small", 0);
 }
 
+#[cfg(unix)]
+#[test]
+fn a_full_disk_is_one_where_a_frame_of_whitewater_does_not_fit() {
+    let desk = whitewater::desk();
+    desk.run("simulate white.toml", 0);
+    let (code, why) = shell(&desk, "ulimit -f 4; $MENISCUS whitewater white");
+    assert_eq!(code, Some(28), "{why}");
+    assert!(why.contains("whitewater/") && why.contains("ulimit -f"), "{why}");
+    desk.run("whitewater white", 0);
+    desk.run("verify white", 0);
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn a_limit_of_memory_names_the_frames_under_way() {

@@ -166,10 +166,11 @@ def particles(args, folder):
             tenth = len(numbers) // 10
             first, last = (max(peaks[number] for number in part) / 2**20 for part in (numbers[:tenth], numbers[-tenth:]))
             line += f"; first tenth {first:.0f}, last tenth {last:.0f} MiB"
+            expected = first
             if name == "mesh":
-                first = memory_of_last(args, shot, folder / "last", tenth) / 2**20
-                line += f", alone {first:.0f} MiB"
-            grown = last / first - 1.0
+                expected = memory_of_last(args, shot, folder / "last", tenth) / 2**20
+                line += f", alone {expected:.0f} MiB"
+            grown = last / expected - 1.0
             failed |= grown > 0.05
             line += f" ({grown:+.1%})"
         elif below is not None:

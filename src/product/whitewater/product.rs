@@ -7,6 +7,7 @@ use super::{
     points::FileSettings,
 };
 use crate::{
+    cache::CacheError,
     frame::{FrameIndex, StreamKind},
     job::{
         Control, Failure, RunError, ShotFolder,
@@ -141,8 +142,8 @@ impl Product for WhitewaterPoints {
 /// kept, unless the request forces them; of what is missing in between, frames are computed and stored.
 ///
 /// # Errors
-/// A frame that cannot be read makes all later ones fail, which are reported together at the end ([`RunError::SomeFailed`]);
-/// [`RunError::Request`] if the preset is not the one that was simulated; a folder or disk that refuses ends the batch.
+/// A frame that cannot be read or written makes all later ones fail, which are reported together at the end
+/// ([`RunError::SomeFailed`]); [`RunError::Request`] if the preset is not the one that was simulated; a full disk ends the batch.
 fn whitewater(
     scene: &Scene,
     settings: FileSettings,
@@ -203,7 +204,7 @@ impl Writer<'_> {
             let mut outcome = FrameOutcome::new(FrameIndex(number));
             match (&failed, self.frame(place, is_requested, &mut outcome, control)) {
                 (_, Ok(())) => {}
-                (_, Err(RunError::Cache(why))) => {
+                (_, Err(RunError::Cache(why))) if !matches!(why, CacheError::Full { .. }) => {
                     failed = Some(number);
                     outcome.fail(why.to_string(), Failure::of(&why));
                 }

@@ -146,15 +146,17 @@ pub(super) struct Images<'a> {
 impl Images<'_> {
     /// Evaluates the densities of the images at the particles of all pairs.
     pub(super) fn find_densities(self, samples: &mut [PairSample]) {
-        par::for_chunks(samples, par::CHUNK, |start, samples| {
-            pass::run(self.rest.kernel, ImageDensityPass { at: self, start, samples });
-        });
+        self.evaluate::<false>(samples);
     }
 
     /// Evaluates the displacements of the particles of all pairs by their images, with the λ of the nodes.
     pub(super) fn find_pushes(self, samples: &mut [PairSample]) {
+        self.evaluate::<true>(samples);
+    }
+
+    fn evaluate<const PUSHES: bool>(self, samples: &mut [PairSample]) {
         par::for_chunks(samples, par::CHUNK, |start, samples| {
-            pass::run(self.rest.kernel, ImagePushPass { at: self, start, samples });
+            pass::run(self.rest.kernel, ImagePass::<PUSHES> { at: self, start, samples });
         });
     }
 
@@ -247,38 +249,24 @@ impl Images<'_> {
     }
 }
 
-/// Evaluation of [`Images::density`] of a chunk of pairs.
-struct ImageDensityPass<'a> {
+/// Evaluation of a chunk of pairs: of [`Images::push`] if `PUSHES`, else of [`Images::density`].
+struct ImagePass<'a, const PUSHES: bool> {
     at: Images<'a>,
     start: usize,
     samples: &'a mut [PairSample],
 }
 
-impl NeighbourPass for ImageDensityPass<'_> {
+impl<const PUSHES: bool> NeighbourPass for ImagePass<'_, PUSHES> {
     type Out = ();
 
     #[inline(always)]
     fn run<L: Lanes, P: Pair>(self) {
         for (k, sample) in (self.start..).zip(self.samples) {
-            sample.image = self.at.density::<L, P>(k);
-        }
-    }
-}
-
-/// Evaluation of [`Images::push`] of a chunk of pairs.
-struct ImagePushPass<'a> {
-    at: Images<'a>,
-    start: usize,
-    samples: &'a mut [PairSample],
-}
-
-impl NeighbourPass for ImagePushPass<'_> {
-    type Out = ();
-
-    #[inline(always)]
-    fn run<L: Lanes, P: Pair>(self) {
-        for (k, sample) in (self.start..).zip(self.samples) {
-            sample.push = self.at.push::<L, P>(k);
+            if PUSHES {
+                sample.push = self.at.push::<L, P>(k);
+            } else {
+                sample.image = self.at.density::<L, P>(k);
+            }
         }
     }
 }
