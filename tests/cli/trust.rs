@@ -450,7 +450,7 @@ fn a_limit_of_the_size_of_files_is_a_full_disk() {
 
 #[cfg(unix)]
 #[test]
-fn a_full_disk_is_one_where_a_frame_of_whitewater_does_not_fit() {
+fn a_whitewater_frame_that_does_not_fit_ends_as_a_full_disk() {
     let desk = whitewater::desk();
     desk.run("simulate white.toml", 0);
     let (code, why) = shell(&desk, "ulimit -f 4; $MENISCUS whitewater white");

@@ -210,6 +210,21 @@ fn the_state_has_the_same_bits_at_any_number_of_threads_and_after_a_restart() {
 }
 
 #[test]
+fn water_drains_around_a_body() {
+    let drain = "[[outflow]]\nshape = { box = { min = [0, 0, 0], max = [0.3, 0.3, 0.03] } }";
+    let ball = at(Shape::Sphere { center: [0.0; 3], radius: 0.05 }, 1200.0, [0.15, 0.15, 0.06]);
+    let mut simulation = tank(0.3, 0.15, 0.02, drain, vec![ball]);
+    let count = |simulation: &Simulation| state(simulation).stream("liquid").map_or(0, |liquid| liquid.len());
+    let mut before = count(&simulation);
+    for frame in 0..6 {
+        advance(&mut simulation, 1);
+        let left = count(&simulation);
+        assert!(left < before, "frame {frame}: {left} of {before}");
+        before = left;
+    }
+}
+
+#[test]
 fn spinning_bodies_continue_from_any_frame_with_the_same_bits() {
     let spinning = |k: u8| BodyParams {
         rotation: [f32::from(k) * 37.0, f32::from(k) * 11.0, 5.0],

@@ -101,6 +101,6 @@ impl Liquid {
         keep(&mut self.momentum.pressure, is_kept);
         keep(retained, is_kept);
         self.solver.pins.clear();
-        self.solver.stale = true;
+        self.solver.mark_as_stale();
     }
 }

@@ -57,8 +57,10 @@ impl NeighbourPass for CorrectionPass<'_> {
                 let (delta, short) = limit(deltas[k], setup.rest.spacing);
                 let mut moved = *x + delta; // x* + Δp, [pbf] Alg. 1, line 17
                 let mut displacement2 = (moved - built_at).norm_squared();
-                if setup.is_near_solid(self.at.clearance[i], displacement2) {
-                    let (free, touching) = setup.walls.collide(*x, moved); // [pbf] Alg. 1, line 14
+                let may_touch = setup.is_near_solid(self.at.clearance[i], displacement2)
+                    && !self.at.samples.excludes_contact(i, setup, delta.norm(), displacement2);
+                if may_touch {
+                    let (free, touching) = self.at.samples.collide(i, [*x, moved], setup.walls); // [pbf] Alg. 1, line 14
                     if has_moving_solids {
                         total.work += setup.walls.work(moved, free);
                     }

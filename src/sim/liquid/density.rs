@@ -171,7 +171,7 @@ impl Chunk<'_> {
         if self.clearance[i] > self.setup.boundary_reach() {
             (0.0, Vec3::zeros())
         } else {
-            self.samples.of_colliders(i).unwrap_or_else(|| self.setup.walls.boundary_density(x))
+            self.samples.boundary_density(i, x, self.setup.walls)
         }
     }
 }

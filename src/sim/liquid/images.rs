@@ -18,7 +18,9 @@ use super::{
     lanes,
     pair::{Pair, kernel_and_slope},
     pass::{self, NeighbourPass},
-    rigid_pairs::{ImageLists, ImageNodeLanes, ImageNodes, RigidPair, range_of},
+    rigid_pairs::{ImageLists, ImageNodeLanes, ImageNodes, NO_PAIR, RigidPair, range_of},
+    setup::SolverSetup,
+    walls::{Mirror, Walls},
 };
 use crate::{math::Vec3, par, simd::Lanes};
 
@@ -126,11 +128,43 @@ impl<'a> BodySamples<'a> {
         gradient
     }
 
-    /// Density of all other solids at particle `i`, and its gradient [1/m], if it is near a rigid body.
+    /// Whether particle `i`, which is near a rigid body, stays clear of all solids in a move of `length` [m]. `displacement2` is that since the
+    /// lists were built, squared [m²].
+    #[inline]
+    pub(super) fn excludes_contact(
+        self,
+        i: usize,
+        setup: &SolverSetup<'_>,
+        length: f32,
+        displacement2: f32,
+    ) -> bool {
+        let pairs = &self.pairs[range_of(self.first_pair, self.pairs, i)];
+        let Some(first) = pairs.first() else { return false };
+        // Bodies without a pair are farther away than the density of solids reaches.
+        let others = first.collider_distance.min(setup.boundary_reach());
+        let is_clear = |&RigidPair { body, x, ref mirror, .. }: &RigidPair| {
+            setup.walls.excludes_rigid_contact(body as usize, x, mirror, length)
+        };
+        !setup.is_near_solid(others, displacement2) && pairs.iter().all(is_clear)
+    }
+
+    /// Density of the solids without images at particle `i`, which is at `x`, and its gradient [1/m].
     #[inline(always)]
-    pub(super) fn of_colliders(self, i: usize) -> Option<(f32, Vec3)> {
-        let &first = self.first_pair.get(i)?;
-        self.samples.get(first as usize).map(|sample| sample.colliders)
+    pub(super) fn boundary_density(self, i: usize, x: Vec3, walls: &Walls) -> (f32, Vec3) {
+        let Some(&first) = self.first_pair.get(i) else { return walls.boundary_density(x) };
+        match self.samples.get(first as usize) {
+            Some(sample) => sample.colliders,
+            None => walls.collider_density(x),
+        }
+    }
+
+    /// End of the path of particle `i` from `from` to `to` while the solids do not move, and whether it is still in contact.
+    #[inline(always)]
+    pub(super) fn collide(self, i: usize, [from, to]: [Vec3; 2], walls: &Walls) -> (Vec3, bool) {
+        match self.first_pair.get(i) {
+            Some(&NO_PAIR) => walls.collide_with_colliders(from, to),
+            _ => walls.collide(from, to),
+        }
     }
 }
 
@@ -271,13 +305,19 @@ impl<const PUSHES: bool> NeighbourPass for ImagePass<'_, PUSHES> {
     }
 }
 
+/// Whether a particle's own image is within the kernel's support.
+#[inline(always)]
+pub(super) fn own_image_is_near(mirror: &Mirror) -> bool {
+    2.0 * mirror.distance < 1.0
+}
+
 /// Density of a particle's own image, without the weight, and the slope of the weighted one with the distance [1/m].
 #[inline(always)]
 fn own_image(rest: &RestState, pair: &RigidPair) -> Option<(f32, f32)> {
-    let q = 2.0 * pair.mirror.distance;
-    if q >= 1.0 {
+    if !own_image_is_near(&pair.mirror) {
         return None;
     }
+    let q = 2.0 * pair.mirror.distance;
     let (w, s) = kernel_and_slope(rest.kernel, q * q);
     let squared = pair.mirror.weight * pair.mirror.weight;
     Some((w * rest.density_scale, 2.0 * q * s * rest.gradient_scale * squared))

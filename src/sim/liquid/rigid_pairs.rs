@@ -22,7 +22,11 @@ pub(super) struct RigidPair {
     pub(super) body: u32,
     /// Position in this iteration [m].
     pub(super) x: Vec3,
-    /// The body's surface as the particle sees it.
+    /// Distance from the nearest collider when the lists were built [m].
+    pub(super) collider_distance: f32,
+    /// Whether the body may add to the density at the particle before lists are built again.
+    pub(super) is_active: bool,
+    /// The body's surface as the particle sees it; only a lower bound of the distance unless the pair is active.
     pub(super) mirror: Mirror,
 }
 

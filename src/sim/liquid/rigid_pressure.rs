@@ -2,18 +2,25 @@
 
 use super::{
     density::Multiplier,
-    images::{Images, PairSample},
+    images::{Images, PairSample, own_image_is_near},
     rigid::{RigidSide, sum_by_body},
     rigid_pairs::{NO_PAIR, RigidPair},
     rigid_system::{BodySystem, Lever, dot, lever},
     setup::{LIST_SKIN, SolverSetup},
     solve::Solver,
-    walls::{Mirror, Walls},
+    walls::{Mirror, STEEPEST_INTERPOLATED, Walls},
 };
 use crate::{math::Vec3, par, solid::RigidBody};
 
-/// Distance that a body may move, as a fraction of the skin of the neighbour lists, before the particles at it are searched again.
-const BODY_SKIN: f32 = 1.0;
+/// Distance that a body may move, as a fraction of the skin of the neighbour lists, before the particles at it are searched again. Bodies hardly
+/// move within a substep; the larger it is, the more pairs without an image are evaluated.
+pub(super) const BODY_SKIN: f32 = 0.25;
+
+/// Distance from a rigid body at which particles have pairs [m]; farther ones reach none before lists are built again. Surface tension reacts
+/// on bodies by pairs, and acts where the particles were at the start of the substep: hence a skin more.
+fn rigid_reach(setup: &SolverSetup<'_>) -> f32 {
+    setup.boundary_reach() + setup.skin()
+}
 
 /// An iteration whose pressures bodies yield to.
 pub(super) struct YieldStep {
@@ -49,6 +56,32 @@ impl Solver {
         self.free_pins_of_solids();
     }
 
+    /// As [`Solver::find_clearance`] of all particles at the predicted positions, where the distances from where lists were built before are
+    /// known. Far from solids, where most particles are, lower bounds follow from how far particles and bodies have moved.
+    pub(super) fn update_clearance(&mut self, setup: &SolverSetup<'_>) {
+        let (walls, reach) = (setup.walls, rigid_reach(setup));
+        let (known, shift) = (walls.near_reach(), self.rigid_displacement(walls));
+        // Solids act on pinned particles, as these may be in the opening of one, only by images.
+        for pin in &self.pins {
+            self.clearance[pin.particle as usize] = 0.0;
+        }
+        let (p, built_at) = (&self.p, &self.built_at);
+        par::update(&mut self.clearance, |i, clearance| {
+            let moved = (p[i] - built_at[i]).norm() + shift;
+            let left = clearance.min(known) - STEEPEST_INTERPOLATED * moved;
+            *clearance = if left > reach { left } else { walls.distance(p[i]) };
+        });
+        self.built_at.clone_from(&self.p);
+        self.find_rigid_pairs(setup);
+        self.free_pins_of_solids();
+    }
+
+    /// How far the bodies have moved since [`super::rigid::RigidSide::pairs`] were found [m].
+    fn rigid_displacement(&self, walls: &Walls) -> f32 {
+        let poses = self.rigid.listed_at.iter().enumerate();
+        poses.map(|(body, pose)| walls.rigid_displacement(body, pose)).fold(0.0, f32::max)
+    }
+
     /// Finds the particles near rigid bodies.
     fn find_rigid_pairs(&mut self, setup: &SolverSetup<'_>) {
         let walls = setup.walls;
@@ -56,18 +89,25 @@ impl Solver {
         if bodies == 0 {
             return;
         }
-        let margin = BODY_SKIN * setup.skin();
-        let reach = setup.boundary_reach() + margin;
+        let (margin, reach) = (BODY_SKIN * setup.skin(), rigid_reach(setup));
         // Particles may move by half a skin, bodies by the margin.
         let approach = 0.5 * setup.skin() + margin;
         let (p, clearance) = (&self.built_at, &self.clearance);
         let found = par::map_chunks(p.len(), par::CHUNK, |range| {
             let mut pairs = Vec::new();
             for i in range.filter(|&i| clearance[i] < reach) {
+                let mut collider_distance = None;
                 for body in walls.rigid_bodies_near(p[i], reach) {
                     let distance = walls.min_mirror_distance(body, p[i], approach);
-                    let mirror = Mirror { distance, ..Mirror::default() };
-                    pairs.push(RigidPair { particle: i as u32, body: body as u32, x: p[i], mirror });
+                    pairs.push(RigidPair {
+                        particle: i as u32,
+                        body: body as u32,
+                        x: p[i],
+                        collider_distance: *collider_distance
+                            .get_or_insert_with(|| walls.collider_distance(p[i])),
+                        is_active: true,
+                        mirror: Mirror { distance, ..Mirror::default() },
+                    });
                 }
             }
             pairs
@@ -87,16 +127,18 @@ impl Solver {
         samples.clear();
         samples.resize(pairs.len(), PairSample::default());
         images.rebuild(&self.lists, first_pair, pairs, [setup.rest.inv_support, LIST_SKIN]);
+        // What this leaves out at the edges of a box, whose density is a product of slabs, is below 5e-5.
+        par::update(pairs, |k, pair| {
+            let has_image = own_image_is_near(&pair.mirror) || !images.place_of(k).1.is_empty();
+            pair.is_active = has_image || walls.has_hollows(pair.body as usize);
+        });
         self.rigid.listed_at = walls.rigid_poses();
         (self.rigid.stale, self.rigid.is_sampled) = (false, false);
     }
 
     /// Marks the pairs as stale if a body has moved farther than its skin since they were found.
     pub(super) fn check_rigid_skin(&mut self, setup: &SolverSetup<'_>) {
-        let limit = BODY_SKIN * setup.skin();
-        let poses = self.rigid.listed_at.iter().enumerate();
-        let moved = poses.map(|(body, pose)| setup.walls.rigid_displacement(body, pose));
-        self.rigid.stale |= moved.fold(0.0, f32::max) > limit;
+        self.rigid.stale |= self.rigid_displacement(setup.walls) > BODY_SKIN * setup.skin();
     }
 
     /// Evaluates what the particles near rigid bodies see of them, for the passes of an iteration.
@@ -109,10 +151,17 @@ impl Solver {
         let RigidSide { pairs, samples, images: lists, image_nodes: nodes, .. } = rigid;
         par::update(pairs, |_, pair| {
             pair.x = p[pair.particle as usize];
-            pair.mirror = walls.mirror(pair.body as usize, pair.x);
+            if pair.is_active {
+                pair.mirror = walls.mirror(pair.body as usize, pair.x);
+            }
         });
         nodes.publish(pairs, setup.rest.inv_support);
-        par::update(samples, |k, sample| sample.colliders = walls.collider_density(pairs[k].x));
+        let boundary_reach = setup.boundary_reach();
+        par::update(samples, |k, sample| {
+            let RigidPair { x, collider_distance, .. } = pairs[k];
+            let is_near = collider_distance <= boundary_reach;
+            sample.colliders = if is_near { walls.collider_density(x) } else { Default::default() };
+        });
         Images { rest: setup.rest, pairs, lists, nodes }.find_densities(samples);
         rigid.is_sampled = true;
     }

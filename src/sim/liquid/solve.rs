@@ -18,6 +18,7 @@ use super::{
     lanes::{self, Node},
     pass,
     rigid::RigidSide,
+    rigid_pairs::NO_PAIR,
     setup::{LIST_SKIN, SolverSetup},
 };
 use crate::{
@@ -168,6 +169,23 @@ impl Solver {
         self.stale = false;
     }
 
+    /// Marks the lists as stale, because particles have other indices than when they were built.
+    pub(super) fn mark_as_stale(&mut self) {
+        self.clearance.clear();
+        self.stale = true;
+    }
+
+    /// As [`Solver::build_lists`], where particles and bodies have moved little since others were built.
+    fn rebuild_lists(&mut self, setup: &SolverSetup<'_>) {
+        let has_distances = self.clearance.len() == self.p.len();
+        if setup.walls.rigid_bodies() == 0 || !has_distances {
+            return self.build_lists(setup);
+        }
+        self.lists.rebuild(&self.grid, &self.p, reach(setup.rest));
+        self.update_clearance(setup);
+        self.stale = false;
+    }
+
     /// Marks the lists as stale if a particle has moved more than half the skin since they were built.
     pub(super) fn check_skin(&mut self, rest: &RestState) {
         let (p, built_at) = (&self.p, &self.built_at);
@@ -182,7 +200,7 @@ impl Solver {
     pub(super) fn ensure_lists(&mut self, setup: &SolverSetup<'_>) -> Result<(), OvercrowdedCell> {
         if self.stale {
             self.find_cells(setup.rest)?;
-            self.build_lists(setup);
+            self.rebuild_lists(setup);
             self.rebuilds += 1;
         } else if self.rigid.stale {
             self.find_clearance(setup, |x| setup.walls.may_be_near_rigid_body(x));
@@ -316,6 +334,8 @@ impl Solver {
     /// Keeps the part `kept` (0 to 1) of the correction since [`Solver::save_state`].
     pub(super) fn shorten_correction(&mut self, kept: f64, setup: &SolverSetup<'_>) {
         let Self { p, wall_push, rigid, ratio, built_at, clearance, before, .. } = self;
+        let RigidSide { first_pair, projection: all_projections, stale: rigid_stale, .. } = rigid;
+        let (first_pair, rigid_stale) = (&**first_pair, *rigid_stale);
         let part = kept as f32;
         let between = |from: Vec3, to: Vec3| from + (to - from) * part;
         par::update(wall_push, |i, total| *total = between(before.wall_push[i], *total));
@@ -330,7 +350,9 @@ impl Solver {
                 let i = start + k;
                 let x = between(before.p[i], *p);
                 *p = x;
-                if setup.is_near_solid(clearance[i], (x - built_at[i]).norm_squared()) {
+                let may_touch = setup.is_near_solid(clearance[i], (x - built_at[i]).norm_squared());
+                // Bodies may have gone back farther than distances allow for.
+                if may_touch || rigid_stale && first_pair.get(i).is_some_and(|&first| first != NO_PAIR) {
                     let (free, touches) = setup.walls.collide(before.p[i], x);
                     if let Some(push) = wall_push.get_mut(k) {
                         *push += free - x;
@@ -345,7 +367,7 @@ impl Solver {
             }
             (touching, work)
         };
-        let partials = map_columns(p, wall_push, &mut rigid.projection, project);
+        let partials = map_columns(p, wall_push, all_projections, project);
         for (touching, work) in partials {
             self.unresolved_contacts += touching;
             self.work += if setup.walls.has_moving_solids() { work } else { 0.0 };

@@ -4,8 +4,9 @@ use crate::{
         Constraint, Kernel,
         rigid::RigidSide,
         rigid_pairs::NO_PAIR,
+        rigid_pressure::BODY_SKIN,
         setup::{LIST_SKIN, SolverSetup},
-        solve::Solver,
+        solve::{Pin, Solver},
         walls::{Mirror, Walls},
     },
     simd::tests::in_both_forms,
@@ -14,12 +15,24 @@ use crate::{
 
 const SPACING: f32 = 0.02;
 
-/// A solver whose lists are those of `p`, and a rigid body at `place`.
+/// A solver whose lists are those of `p`, and a rigid body at `pose`.
 fn at_body(shape: Shape, pose: Pose, kernel: Kernel, p: Vec<Vec3>) -> (Solver, Walls, RestState) {
+    at_solids((&[shape], 1.0), pose, &[], kernel, p)
+}
+
+/// As [`at_body`] with several bodies of this density over that of the liquid, and colliders.
+fn at_solids(
+    (shapes, density): (&[Shape], f64),
+    pose: Pose,
+    colliders: &[Solid],
+    kernel: Kernel,
+    p: Vec<Vec3>,
+) -> (Solver, Walls, RestState) {
     let rest = RestState::new(kernel, SPACING, 2.5);
-    let mut walls = Walls::new(&[], &rest);
-    walls.add_rigid_bodies(&[Solid::fixed(shape)], |_| 1.0);
-    walls.set_rigid_bodies([[pose, pose]].into_iter());
+    let mut walls = Walls::new(colliders, &rest);
+    let bodies: Vec<Solid> = shapes.iter().cloned().map(Solid::fixed).collect();
+    walls.add_rigid_bodies(&bodies, |_| density);
+    walls.set_rigid_bodies(shapes.iter().map(|_| [pose, pose]));
     let mut solver = Solver::default();
     solver.p = p;
     solver.find_cells(&rest).expect("no crowd");
@@ -116,7 +129,7 @@ fn lists_hold_every_image_until_particles_or_bodies_have_moved_by_their_skins() 
         let skin = LIST_SKIN * rest.support;
         // Each particle towards the body, which comes towards those on one side.
         let place = |x: &Vec3| x - x.normalize() * (0.499 * skin);
-        let pose = at(Vec3::new(1.0, 1.0, 0.0).normalize() * (0.999 * skin));
+        let pose = at(Vec3::new(1.0, 1.0, 0.0).normalize() * (0.999 * BODY_SKIN * skin));
         let moved: Vec<Vec3> = cloud.iter().map(place).collect();
         solver.p.clone_from(&moved);
         walls.set_rigid_bodies([[pose, pose]].into_iter());
@@ -124,17 +137,24 @@ fn lists_hold_every_image_until_particles_or_bodies_have_moved_by_their_skins() 
             SolverSetup { rest: &rest, walls: &walls, constraint: Constraint::Equality, softening: 0.0 };
         solver.sample_rigid_pairs(&setup);
         let by_particle = |solver: &Solver| {
-            let mut densities = vec![0.0; cloud.len()];
+            let mut densities = vec![(0.0, false); cloud.len()];
             for (pair, sample) in solver.rigid.pairs.iter().zip(&solver.rigid.samples) {
-                densities[pair.particle as usize] = sample.image.density;
+                densities[pair.particle as usize] = (sample.image.density, pair.is_active);
             }
             densities
         };
         let found = by_particle(&solver);
         let expected = by_particle(&at_body(shape.clone(), pose, Kernel::Wendland, moved).0);
-        for (i, (found, expected)) in found.iter().zip(&expected).enumerate() {
-            assert!((found - expected).abs() < 1e-6, "{shape:?}, particle {i}: {found}, not {expected}");
+        for (i, ((found, is_active), (expected, is_needed))) in found.iter().zip(&expected).enumerate() {
+            // At the edges of a box its density, a product of slabs, reaches beyond the support.
+            let bound = if *is_active && *is_needed { 1e-6 } else { 5e-5 };
+            assert!((found - expected).abs() < bound, "{shape:?}, particle {i}: {found}, not {expected}");
         }
+        let active = solver.rigid.pairs.iter().filter(|pair| pair.is_active).count();
+        let all = solver.rigid.pairs.len();
+        println!("{active} of {all} pairs are active");
+        let is_mesh = matches!(shape, Shape::Mesh(_));
+        assert!(if is_mesh { active == all } else { 10 * active < 9 * all }, "{shape:?}: {active} of {all}");
         // Most neighbours have no image as near.
         let listed: usize =
             (0..solver.rigid.pairs.len()).map(|k| solver.rigid.images.place_of(k).1.len()).sum();
@@ -142,6 +162,132 @@ fn lists_hold_every_image_until_particles_or_bodies_have_moved_by_their_skins() 
             solver.rigid.pairs.iter().map(|pair| solver.lists.of(pair.particle as usize).len()).sum();
         println!("{listed} of {neighbours}, {} pairs", solver.rigid.pairs.len());
         assert!(2 * listed < neighbours, "{shape:?}: {listed} of {neighbours}");
+    }
+}
+
+/// Shapes of bodies, and a floor and a post close to them.
+fn shapes_and_colliders() -> ([Shape; 4], [Solid; 2]) {
+    let plate = Shape::Box { min: [-0.07, -0.07, -0.002], max: [0.07, 0.07, 0.002] };
+    let mesh = sampled_mesh(0.02, |x| x.abs().amax() - 0.05);
+    let shapes = [cuboid(0.05), Shape::Sphere { center: [0.0; 3], radius: 0.06 }, plate, mesh];
+    let floor = Shape::Plane { point: [0.0, 0.0, -0.09], normal: [0.0, 0.0, 1.0] };
+    let post = Shape::Box { min: [0.08, -0.1, -0.1], max: [0.083, 0.1, 0.1] };
+    (shapes, [floor, post].map(Solid::fixed))
+}
+
+#[test]
+fn moves_that_exclude_contact_end_where_they_lead() {
+    let (shapes, colliders) = shapes_and_colliders();
+    for (shape, density) in shapes.into_iter().flat_map(|shape| [(shape.clone(), 1.0), (shape, 0.04)]) {
+        let all = cloud_around(&shape);
+        let built_at: Vec<Vec3> =
+            all.into_iter().filter(|x| x.z > -0.08 && (x.x < 0.07 || x.x > 0.093)).collect();
+        let post = Shape::Box { min: [-0.1, 0.075, -0.1], max: [0.1, 0.08, 0.1] };
+        let bodies = [shape.clone(), post];
+        let (mut solver, mut walls, rest) =
+            at_solids((&bodies, density), Pose::identity(), &colliders, Kernel::Wendland, built_at.clone());
+        // As far as neither lists nor pairs are stale.
+        let skin = LIST_SKIN * rest.support;
+        let pose = at(Vec3::new(0.6, -0.6, 0.5).normalize() * (0.999 * BODY_SKIN * skin));
+        walls.set_rigid_bodies(bodies.iter().map(|_| [pose, pose]));
+        let shift = |k: u32| Vec3::new(noise(7 * k), noise(7 * k + 1), noise(7 * k + 2)).normalize();
+        let cloud: Vec<Vec3> = (0..).zip(&built_at).map(|(k, x)| x + shift(k) * (0.499 * skin)).collect();
+        solver.p.clone_from(&cloud);
+        let setup =
+            SolverSetup { rest: &rest, walls: &walls, constraint: Constraint::Equality, softening: 0.0 };
+        solver.sample_rigid_pairs(&setup);
+        let (samples, _) = solver.rigid.samples_and_projection();
+        let (mut clear, mut near, mut touching) = (0, 0, 0);
+        for (k, &from) in (0..).zip(&cloud) {
+            // Those in contact are moved by any correction.
+            if (walls.collide(from, from).0 - from).norm() > 0.0 {
+                continue;
+            }
+            for length in [0.0, 0.02, 0.2, 0.5] {
+                let i = k as usize;
+                let direction = Vec3::new(noise(5 * k + 1), noise(5 * k + 2), noise(5 * k + 3)).normalize();
+                let delta = direction * (length * SPACING);
+                let to = from + delta;
+                let (free, _) = walls.collide(from, to);
+                let is_free = (free - to).norm() < 1e-6;
+                let displacement2 = (to - built_at[i]).norm_squared();
+                let is_clear = samples.excludes_contact(i, &setup, delta.norm(), displacement2);
+                assert!(is_free || !is_clear, "{shape:?}: {from:?} moves by {delta:?} into a solid");
+                let (by_pair, _) = samples.collide(i, [from, to], &walls);
+                assert!((by_pair - free).norm() < 1e-6, "{shape:?}: {by_pair:?}, {free:?} at all solids");
+                if samples.first_pair[i] != NO_PAIR {
+                    near += 1;
+                    clear += u32::from(is_clear);
+                    touching += u32::from(!is_free);
+                }
+            }
+        }
+        println!("{clear} of {near} moves are clear, {touching} touch");
+        assert!(
+            2 * clear > near && touching >= 10,
+            "{shape:?}: {clear} of {near} are clear, {touching} touch"
+        );
+    }
+}
+
+#[test]
+fn lists_that_are_built_again_in_a_substep_have_the_pairs_and_distances_of_new_ones() {
+    let (shapes, colliders) = shapes_and_colliders();
+    for shape in shapes {
+        let far = |k: u32| Vec3::new((k % 6) as f32 - 15.0, (k / 6 % 6) as f32, (k / 36) as f32) * SPACING;
+        let mut cloud = cloud_around(&shape);
+        cloud.extend((0..216).map(far));
+        let new = |pose: Pose, p: Vec<Vec3>| {
+            at_solids((std::slice::from_ref(&shape), 1.0), pose, &colliders, Kernel::Wendland, p)
+        };
+        let (mut solver, mut walls, rest) = new(Pose::identity(), cloud.clone());
+        // One that is near the body.
+        let pin = Pin { particle: solver.rigid.pairs[9].particle, target: Vec3::zeros() };
+        solver.pins.push(pin);
+        solver.free_pins_of_solids();
+        let (mut moved, mut bounds) = (cloud.clone(), 0);
+        for step in 1..4 {
+            // Beyond the skins of both.
+            for (k, x) in (0..).zip(&mut moved) {
+                let sign = if step == 2 { -1.0 } else { 1.0 };
+                let to = Vec3::new(0.2 + noise(5 * k + 1), noise(5 * k + 2), noise(5 * k + 3));
+                *x += to * (0.25 * sign * SPACING);
+            }
+            let pose = at(Vec3::new(-0.2, 0.05, 0.1) * (step as f32 * SPACING));
+            walls.set_rigid_bodies([[pose, pose]].into_iter());
+            let setup =
+                SolverSetup { rest: &rest, walls: &walls, constraint: Constraint::Equality, softening: 0.0 };
+            solver.p.clone_from(&moved);
+            solver.stale = true;
+            solver.ensure_lists(&setup).expect("no crowd");
+            let mut expected = new(pose, moved.clone()).0;
+            expected.pins.clone_from(&solver.pins);
+            expected.free_pins_of_solids();
+            let pairs = |solver: &Solver| -> Vec<(u32, bool)> {
+                solver.rigid.pairs.iter().map(|pair| (pair.particle, pair.is_active)).collect()
+            };
+            assert_eq!(pairs(&solver), pairs(&expected), "{shape:?}");
+            let reach = setup.boundary_reach();
+            for (i, (found, expected)) in solver.clearance.iter().zip(&expected.clearance).enumerate() {
+                // Bodies that are farther may be left out.
+                let [found, expected] = [found, expected].map(|distance| distance.min(walls.near_reach()));
+                let is_bound = expected > reach && found > reach && found <= expected;
+                bounds += u32::from(is_bound && found < expected);
+                assert!(found == expected || is_bound, "{shape:?}, particle {i}: {found}, not {expected}");
+            }
+        }
+        assert!(bounds > 100, "{shape:?}: {bounds} distances follow from those before");
+        // Particles with other indices are not taken for those before.
+        solver.pins.clear();
+        moved.drain(..400);
+        solver.p.clone_from(&moved);
+        solver.mark_as_stale();
+        let pose = Pose::identity();
+        walls.set_rigid_bodies([[pose, pose]].into_iter());
+        let setup =
+            SolverSetup { rest: &rest, walls: &walls, constraint: Constraint::Equality, softening: 0.0 };
+        solver.ensure_lists(&setup).expect("no crowd");
+        assert_eq!(solver.clearance, new(pose, moved).0.clearance, "{shape:?}");
     }
 }
 

@@ -51,9 +51,9 @@ impl Walls {
         self.density_of_first(self.rigid_index(0), x)
     }
 
-    /// Density of the half spaces and of the first `bodies` at `x`, over ρ₀, and its gradient [1/m].
+    /// Density of the half spaces and of the first `count` bodies at `x`, over ρ₀, and its gradient [1/m].
     #[inline(always)]
-    fn density_of_first(&self, bodies: usize, x: Vec3) -> (f32, Vec3) {
+    fn density_of_first(&self, count: usize, x: Vec3) -> (f32, Vec3) {
         let (mut open, mut open_gradient) = (1.0_f32, Vec3::zeros());
         let mut add = |left: f32, slope: Vec3| {
             open_gradient = open_gradient * left + slope * open;
@@ -65,9 +65,7 @@ impl Walls {
                 add(1.0 - self.half_space_density(d, self.shift), plane.n * self.half_space_slope(d));
             }
         }
-        for body in
-            self.near(x, self.support).take_while(|&body| body < bodies).map(|body| &self.bodies[body])
-        {
+        for body in self.near_of_first(count, x, self.support).map(|body| &self.bodies[body]) {
             if self.body_distance(body, x) < self.support {
                 let (share, slope) = self.body_density(body, x, self.shift);
                 add(1.0 - share, slope);

@@ -22,7 +22,7 @@ mod wetting;
 
 pub(super) use friction::{PushedParticle, ROUNDING};
 pub(super) use no_slip::{Resistance, WallDrag};
-pub(super) use rigid::Mirror;
+pub(super) use rigid::{Mirror, STEEPEST_INTERPOLATED};
 pub(super) use wetting::Wetting;
 
 use super::{calibration::RestState, density_map};
@@ -267,8 +267,19 @@ impl Walls {
     /// farther than twice the support may be left out.
     #[inline]
     pub(super) fn distance(&self, x: Vec3) -> f32 {
+        self.distance_from_first(self.bodies.len(), x)
+    }
+
+    /// As [`Self::distance`] without rigid bodies.
+    #[inline]
+    pub(super) fn collider_distance(&self, x: Vec3) -> f32 {
+        self.distance_from_first(self.rigid_index(0), x)
+    }
+
+    #[inline(always)]
+    fn distance_from_first(&self, count: usize, x: Vec3) -> f32 {
         let planes = self.planes.iter().map(|plane| plane.n.dot(&x) - plane.offset);
-        let near = self.near(x, self.near_reach());
+        let near = self.near_of_first(count, x, self.near_reach());
         let bodies = near.map(|body| self.body_distance(&self.bodies[body], x));
         planes.chain(bodies).fold(f32::INFINITY, f32::min)
     }
@@ -296,9 +307,9 @@ impl Walls {
         body.mover.map_or(direction, |mover| self.movers[mover].now.rotation * direction)
     }
 
-    /// `x` projected out of the solids, and whether it is still closer to one than the contact distance.
+    /// `x` projected out of the half spaces and the first `count` bodies, and whether it is still closer to one than the contact distance.
     #[inline]
-    pub(super) fn project(&self, mut x: Vec3) -> (Vec3, bool) {
+    pub(super) fn project(&self, count: usize, mut x: Vec3) -> (Vec3, bool) {
         for iteration in 0..MAX_PROJECTION_ITERATIONS {
             let yielded = (iteration.max(FIRST_YIELDING_ITERATION) - FIRST_YIELDING_ITERATION + 1) as f32
                 / (MAX_PROJECTION_ITERATIONS - FIRST_YIELDING_ITERATION) as f32;
@@ -312,7 +323,7 @@ impl Walls {
                     touched = true;
                 }
             }
-            for body in self.near(x, self.support).map(|body| &self.bodies[body]) {
+            for body in self.near_of_first(count, x, self.support).map(|body| &self.bodies[body]) {
                 let keep = body.contact * kept;
                 if self.body_distance(body, x) < keep {
                     let (d, n) = self.body_contact(body, x);
@@ -323,27 +334,40 @@ impl Walls {
                 }
             }
             if !touched {
-                return (x, iteration >= FIRST_YIELDING_ITERATION && self.touches(x));
+                return (x, iteration >= FIRST_YIELDING_ITERATION && self.touches(count, x));
             }
         }
-        (x, self.touches(x))
+        (x, self.touches(count, x))
     }
 
-    /// Whether `x` is clearly closer to a solid than the contact distance.
-    fn touches(&self, x: Vec3) -> bool {
+    /// Whether `x` is clearly closer to a half space or one of the first `count` bodies than the contact distance.
+    fn touches(&self, count: usize, x: Vec3) -> bool {
         let of_plane = |plane: &Plane| plane.n.dot(&x) - plane.offset < 0.99 * self.contact;
         let of_body = |body: &Body| self.body_contact(body, x).0 < 0.99 * body.contact;
-        self.planes.iter().any(of_plane) || self.near(x, self.support).any(|body| of_body(&self.bodies[body]))
+        self.planes.iter().any(of_plane)
+            || self.near_of_first(count, x, self.support).any(|body| of_body(&self.bodies[body]))
     }
 
     /// End of a particle's path from `from` to `to` while the solids do not move, and whether it is still in contact.
     #[inline]
     pub(super) fn collide(&self, from: Vec3, to: Vec3) -> (Vec3, bool) {
-        if self.bodies.is_empty() {
-            return self.project(to); // a half space has no other side
+        self.collide_with_first(self.bodies.len(), from, to)
+    }
+
+    /// As [`Self::collide`] far from rigid bodies.
+    #[inline]
+    pub(super) fn collide_with_colliders(&self, from: Vec3, to: Vec3) -> (Vec3, bool) {
+        self.collide_with_first(self.rigid_index(0), from, to)
+    }
+
+    #[inline(always)]
+    fn collide_with_first(&self, count: usize, from: Vec3, to: Vec3) -> (Vec3, bool) {
+        if count == 0 {
+            return self.project(count, to); // a half space has no other side
         }
-        let bodies = self.near_path(from, to).map(|body| &self.bodies[body]);
-        self.project(bodies.fold(self.project_onto_planes(to), |to, body| self.trace_path(body, from, to)))
+        let bodies = self.near_path(count, from, to).map(|body| &self.bodies[body]);
+        let stopped = bodies.fold(self.project_onto_planes(to), |to, body| self.trace_path(body, from, to));
+        self.project(count, stopped)
     }
 
     /// `x` projected out of every half space once. A straight path between points outside of all half spaces stays outside,
@@ -359,8 +383,9 @@ impl Walls {
     /// End of a particle's path from `from` to `to` while the solids move through the substep, and whether it is still in contact.
     #[inline]
     pub(super) fn collide_moving(&self, from: Vec3, to: Vec3) -> (Vec3, bool) {
-        if self.bodies.is_empty() {
-            return self.project(to);
+        let all = self.bodies.len();
+        if all == 0 {
+            return self.project(all, to);
         }
         let follow = |to: Vec3, body: &Body| {
             // In the body's frame, the particle starts at the point of the body's motion that ends there.
@@ -371,8 +396,10 @@ impl Walls {
             });
             self.trace_path(body, start, to)
         };
-        let bodies = self.near_path(from, to).map(|body| &self.bodies[body]);
-        self.project(bodies.fold(self.project_onto_planes(to), follow))
+        let mut bodies = self.near_path(all, from, to).map(|body| &self.bodies[body]).peekable();
+        // Half spaces at rest do not project a particle that comes from outside of them beyond its path.
+        let count = if bodies.peek().is_some() || self.has_moving_solids() { all } else { 0 };
+        self.project(count, bodies.fold(self.project_onto_planes(to), follow))
     }
 
     /// End of the path from `from` to `to`, stopped before it enters `body` and continued along its surface.
@@ -467,7 +494,7 @@ mod tests {
 
     #[test]
     fn a_particle_beyond_a_corner_ends_inside_it() {
-        let (x, stuck) = corner().project(Vec3::new(-3.0, 1.5, -0.2));
+        let (x, stuck) = corner().project(0, Vec3::new(-3.0, 1.5, -0.2));
         assert!(!stuck && (x - Vec3::new(0.05, 0.95, 0.05)).norm() < 1e-5, "{x:?}");
     }
 
@@ -477,7 +504,7 @@ mod tests {
             let sides = [([0.0, 0.0, 0.0], [0.0, 0.0, 1.0]), ([0.0, 0.0, gap], [0.0, 0.0, -1.0])];
             let walls = walls(&sides.map(|(point, normal)| Shape::Plane { point, normal }));
             for z in [-0.1, 0.0, 0.5 * gap, gap, 0.3] {
-                let (x, stuck) = walls.project(Vec3::new(0.0, 0.0, z));
+                let (x, stuck) = walls.project(1, Vec3::new(0.0, 0.0, z));
                 assert!(stuck && (0.0..=gap).contains(&x.z), "gap {gap}, from {z}: {}", x.z);
             }
         }
@@ -531,7 +558,7 @@ mod tests {
         };
         let ball = turning(Shape::Sphere { center: [0.0; 3], radius: 0.5 });
         let x = Vec3::new(2.0 + 0.4 * 0.6, 0.4 * 0.8, 0.0);
-        let (out, stuck) = ball.project(x);
+        let (out, stuck) = ball.project(1, x);
         assert!(!stuck && (out - x).norm() > 0.1, "{out:?}");
         let bound = 1e-6 * f64::from((out - x).norm());
         assert!(ball.work(x, out).abs() < bound, "{}", ball.work(x, out));
@@ -542,7 +569,7 @@ mod tests {
         let (along, n) =
             (Vec3::new(angle.cos(), angle.sin(), 0.0), Vec3::new(-angle.sin(), angle.cos(), 0.0));
         let x = Vec3::new(2.0, 0.0, 0.0) + along * 0.5 + n * 0.06;
-        let (out, _) = paddle.project(x);
+        let (out, _) = paddle.project(1, x);
         let expected = f64::from((out - x).norm() * 0.5 * angle);
         assert!(expected > 1e-3 && (paddle.work(x, out) / expected - 1.0).abs() < 0.01, "{expected}");
         assert!(paddle.pressure_work(out, -1.0) > 0.0);

@@ -17,7 +17,7 @@ impl MovingSolid {
 
 impl Walls {
     /// Distance [m] within which [`Walls::near`] finds all bodies: collisions look as far ahead as the density reaches.
-    pub(super) fn near_reach(&self) -> f32 {
+    pub(in crate::sim::liquid) fn near_reach(&self) -> f32 {
         2.0 * self.support
     }
 
@@ -29,7 +29,31 @@ impl Walls {
     /// Indices of the bodies that may be closer to `x` than `reach` [m], at most [`Walls::near_reach`], ascending.
     #[inline(always)]
     pub(super) fn near(&self, x: Vec3, reach: f32) -> impl Iterator<Item = usize> + '_ {
-        self.closer_than(self.grid.cell(x), 0..0, x, reach)
+        self.near_of_first(self.bodies.len(), x, reach)
+    }
+
+    /// As [`Walls::near`], of the first `count` bodies alone.
+    #[inline(always)]
+    pub(super) fn near_of_first(
+        &self,
+        count: usize,
+        x: Vec3,
+        reach: f32,
+    ) -> impl Iterator<Item = usize> + '_ {
+        self.closer_than(self.listed(count, x), 0..0, x, reach)
+    }
+
+    /// Those of the first `count` bodies that are listed where `x` is.
+    #[inline(always)]
+    fn listed(&self, count: usize, x: Vec3) -> &[u32] {
+        if count == 0 {
+            return &[];
+        }
+        let all = self.grid.cell(x);
+        if count == self.bodies.len() {
+            return all;
+        }
+        &all[..all.partition_point(|&body| (body as usize) < count)]
     }
 
     /// Whether a rigid body may be closer to `x` than [`Walls::near_reach`].
@@ -57,13 +81,12 @@ impl Walls {
         })
     }
 
-    /// Indices of the bodies that a particle may meet on its path from `from` to `to`, while solids move through the substep.
+    /// Indices of those of the first `count` bodies that a particle may meet on its path from `from` to `to`, while solids move through the substep.
     #[inline]
-    pub(super) fn near_path(&self, from: Vec3, to: Vec3) -> impl Iterator<Item = usize> + '_ {
+    pub(super) fn near_path(&self, count: usize, from: Vec3, to: Vec3) -> impl Iterator<Item = usize> + '_ {
         let length = (to - from).norm() + 2.0 * self.largest_displacement + self.support / 2.0;
         let is_short = self.grid.starts.is_empty() || length <= self.near_reach();
-        let (near, all) =
-            if is_short { (self.grid.cell(from), 0..0) } else { (&[][..], 0..self.bodies.len()) };
+        let (near, all) = if is_short { (self.listed(count, from), 0..0) } else { (&[][..], 0..count) };
         self.closer_than(near, all, from, length)
     }
 

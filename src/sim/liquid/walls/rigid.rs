@@ -21,7 +21,10 @@ const LIGHT_BODY: f64 = 0.05;
 const SMALLEST_DENSITY: f32 = 0.02;
 
 /// Upper bound of the gradient of distances that are interpolated between nodes, of which no two differ by more than their distance.
-const STEEPEST_INTERPOLATED: f32 = 1.7321;
+pub(in crate::sim::liquid) const STEEPEST_INTERPOLATED: f32 = 1.7321;
+
+/// Part of a distance that rounding may amount to where contacts are excluded.
+const ROUNDED_DISTANCE: f32 = 1e-3;
 
 /// The surface of a rigid body as a particle near it sees it; see `images.rs`.
 #[derive(Clone, Copy, Debug, Default)]
@@ -127,11 +130,34 @@ impl Walls {
         mirror
     }
 
+    /// Whether the density of a rigid body may exceed that of a half space as near, as in a hollow of a mesh.
+    pub(in crate::sim::liquid) fn has_hollows(&self, body: usize) -> bool {
+        self.bodies[self.rigid_index(body)].density_map.is_some()
+    }
+
     /// Lower bound of the distance of [`Walls::mirror`] of a particle at `x`, over h, after particle and body have come closer by up to `margin` [m].
     pub(in crate::sim::liquid) fn min_mirror_distance(&self, body: usize, x: Vec3, margin: f32) -> f32 {
         let body = &self.bodies[self.rigid_index(body)];
         let steepest = if matches!(body.shape, Shape::Mesh(_)) { STEEPEST_INTERPOLATED } else { 1.0 };
         (self.body_contact(body, x).0 - steepest * margin).max(0.0) * self.inv_support
+    }
+
+    /// Whether a particle at `x`, which sees a rigid body as `mirror`, stays out of contact with it in a move of `length` [m].
+    #[inline]
+    pub(in crate::sim::liquid) fn excludes_rigid_contact(
+        &self,
+        body: usize,
+        x: Vec3,
+        mirror: &Mirror,
+        length: f32,
+    ) -> bool {
+        let body = &self.bodies[self.rigid_index(body)];
+        // Outside of a mesh's grid the distance of a mirror is an upper bound.
+        let distance = match body.shape {
+            Shape::Mesh(_) => self.body_distance(body, x),
+            _ => mirror.distance * self.support,
+        };
+        distance * (1.0 - ROUNDED_DISTANCE) > body.contact + STEEPEST_INTERPOLATED * length
     }
 
     /// Share of a rigid body in the gradient of [`Walls::boundary_density`] at `x` [1/m].
