@@ -58,6 +58,7 @@ mod rigid_pressure;
 mod rigid_system;
 mod seed;
 mod setup;
+mod shorten;
 mod solve;
 mod sparse;
 mod state;

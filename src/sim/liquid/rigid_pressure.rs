@@ -61,7 +61,7 @@ impl Solver {
     pub(super) fn update_clearance(&mut self, setup: &SolverSetup<'_>) {
         let (walls, reach) = (setup.walls, rigid_reach(setup));
         let (known, shift) = (walls.near_reach(), self.rigid_displacement(walls));
-        // Solids act on pinned particles, as these may be in the opening of one, only by images.
+        // Those of pinned particles were replaced (`free_pins_of_solids`).
         for pin in &self.pins {
             self.clearance[pin.particle as usize] = 0.0;
         }

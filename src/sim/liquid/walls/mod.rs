@@ -504,7 +504,7 @@ mod tests {
             let sides = [([0.0, 0.0, 0.0], [0.0, 0.0, 1.0]), ([0.0, 0.0, gap], [0.0, 0.0, -1.0])];
             let walls = walls(&sides.map(|(point, normal)| Shape::Plane { point, normal }));
             for z in [-0.1, 0.0, 0.5 * gap, gap, 0.3] {
-                let (x, stuck) = walls.project(1, Vec3::new(0.0, 0.0, z));
+                let (x, stuck) = walls.project(0, Vec3::new(0.0, 0.0, z));
                 assert!(stuck && (0.0..=gap).contains(&x.z), "gap {gap}, from {z}: {}", x.z);
             }
         }
