@@ -168,7 +168,7 @@ impl Solver {
         self.stale = false;
     }
 
-    /// Marks the lists as stale, because particles have other indices than when they were built.
+    /// Marks the lists as stale, because particles have other indices than when they were built. Distances of pinned particles were replaced.
     pub(super) fn mark_as_stale(&mut self) {
         self.clearance.clear();
         self.stale = true;
