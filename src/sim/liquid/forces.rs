@@ -69,7 +69,8 @@ impl Liquid {
             tension.place_bodies(bodies.bodies(), directions.theta);
         }
         let Solver { p, lists, wall_push, rigid, .. } = &mut self.solver;
-        let shortened = tension.apply(lists, p, directions, dt);
+        let has_reactions = self.v_before.is_some() || partners.bodies.is_some();
+        let shortened = tension.apply(lists, p, directions, dt, has_reactions);
         if self.v_before.is_some() {
             tension.add_wall_push(wall_push, dt);
         }

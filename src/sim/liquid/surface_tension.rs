@@ -103,6 +103,8 @@ pub(super) struct Tension {
     sparse: Sparse,
     /// Dimensionless force and energy.
     force: Vec<Node>,
+    /// The part of solids in it; empty where no reaction to them is needed.
+    by_solids: Vec<Node>,
     energy: f64,
 }
 
@@ -142,6 +144,7 @@ impl Tension {
             wall: Vec::new(),
             sparse: Sparse::new(&rest),
             force: Vec::new(),
+            by_solids: Vec::new(),
             energy: 0.0,
             rest,
         }
@@ -182,23 +185,24 @@ impl Tension {
         let mut lists = Neighbours::default();
         lists.rebuild(&CellGrid::new(p, self.rest.support), p, self.rest.support);
         lanes::publish_positions(&mut self.nodes, p, self.rest.inv_support);
-        self.evaluate(&lists);
+        self.evaluate(&lists, false);
         self.energy
     }
 
     /// Moves the positions `p` with the neighbours in `lists` by the tension over `dt` [s], with forces at the positions of
-    /// `directions`. Returns the number of shortened displacements.
+    /// `directions`. Returns the number of shortened displacements. [`Tension::add_wall_push`] and [`Tension::push_bodies`] need `has_reactions`.
     pub(super) fn apply(
         &mut self,
         lists: &Neighbours,
         p: &mut [Vec3],
         Directions { theta, x }: Directions<'_>,
         dt: f32,
+        has_reactions: bool,
     ) -> u64 {
         self.nodes.resize(p.len(), Node::default());
         let (at, inv_h) = (&*p, self.rest.inv_support);
         par::fill(&mut self.nodes, |i| Node::new((x[i] + (at[i] - x[i]) * theta) * inv_h, 0.0));
-        self.evaluate(lists);
+        self.evaluate(lists, has_reactions);
         let (force, scale, spacing) = (&self.force, self.acceleration * dt * dt, self.rest.spacing);
         let moved = |i: usize| limit(force[i].vector() * scale, spacing);
         let shortened = par::sum(p.len(), |i| f64::from(u8::from(moved(i).1)));
@@ -208,25 +212,17 @@ impl Tension {
 
     /// Adds the displacements by solids in the last [`Tension::apply`] over `dt` [s] to `push`.
     pub(super) fn add_wall_push(&self, push: &mut [Vec3], dt: f32) {
-        let (solids, scale) = (self.solids(), self.acceleration * dt * dt);
-        par::update(push, |i, push| {
-            let wall = self.wall[i].vector();
-            if wall != Vec3::zeros() {
-                let x = self.nodes[i].vector() * self.rest.support;
-                *push += solids.force(x, wall, self.gradient[i]) * scale;
-            }
-        });
+        let scale = self.acceleration * dt * dt;
+        par::update(push, |i, push| *push += self.by_solids[i].vector() * scale);
     }
 
     /// Adds the reactions to the forces of solids in the last [`Tension::apply`] to the bodies.
     pub(super) fn push_bodies(&self, rigid: &mut RigidSide, bodies: &mut [RigidBody], scale: f64, dt: f32) {
-        let (solids, factor) = (self.solids(), self.acceleration * dt * dt);
+        let factor = self.acceleration * dt * dt;
         rigid.add_reactions(&self.walls, bodies, scale, |i| {
-            let wall = self.wall[i].vector();
+            let (wall, by_solids) = (self.wall[i].vector(), self.by_solids[i].vector());
             let x = self.nodes[i].vector() * self.rest.support;
-            let is_pushed = wall != Vec3::zeros();
-            is_pushed
-                .then(|| (x, wall * self.rest.inv_support, solids.force(x, wall, self.gradient[i]) * factor))
+            (wall != Vec3::zeros()).then(|| (x, wall * self.rest.inv_support, by_solids * factor))
         });
     }
 
@@ -235,12 +231,8 @@ impl Tension {
         self.walls.set_rigid_bodies(bodies.iter().map(|body| [body.pose_between(part); 2]));
     }
 
-    fn solids(&self) -> WettedSolids<'_> {
-        WettedSolids { walls: &self.walls, rest: &self.rest, wetting: &self.wetting, sparse: self.sparse }
-    }
-
-    /// Evaluates the forces and the energy at the published positions.
-    fn evaluate(&mut self, lists: &Neighbours) {
+    /// Evaluates the forces and the energy at the published positions, and keeps the forces of solids if they `have_reactions`.
+    fn evaluate(&mut self, lists: &Neighbours, have_reactions: bool) {
         let count = self.nodes.len();
         for column in [&mut self.gradient, &mut self.force] {
             column.resize(count, Node::default());
@@ -264,12 +256,20 @@ impl Tension {
             pass::run(Kernel::Wendland, pass)
         });
         let gradient = &*self.gradient;
-        par::for_chunks(&mut self.force, par::CHUNK, |start, force| {
-            pass::run(
-                Kernel::Wendland,
-                ForcePass { lists, nodes, gradient, wall, solids, start, scale, cohesion, force },
-            );
-        });
+        let run = |start: usize, force: &mut [Node], by_solids: &mut [Node]| {
+            let pass =
+                ForcePass { lists, nodes, gradient, wall, solids, start, scale, cohesion, force, by_solids };
+            pass::run(Kernel::Wendland, pass);
+        };
+        let Self { force, by_solids, .. } = self;
+        by_solids.resize(if have_reactions { count } else { 0 }, Node::default());
+        if have_reactions {
+            par::map_chunks_mut([force, by_solids], par::CHUNK, |start, [force, by_solids]| {
+                run(start, force, by_solids);
+            });
+        } else {
+            par::for_chunks(force, par::CHUNK, |start, force| run(start, force, &mut []));
+        }
         let force = &*self.force;
         let area: f64 = areas.iter().sum();
         let pairs = par::sum(count, |i| f64::from(force[i].value()));
@@ -319,7 +319,7 @@ impl WettedSolids<'_> {
     /// ∇c h at `x`, in units of the kernel.
     #[inline]
     fn gradient(&self, x: Vec3) -> Vec3 {
-        self.walls.boundary_density(x).1 * self.rest.support
+        self.walls.boundary_gradient(x) * self.rest.support
     }
 
     /// cos θ at `x`.
@@ -406,6 +406,8 @@ struct ForcePass<'a> {
     scale: f32,
     cohesion: f32,
     force: &'a mut [Node],
+    /// The part of solids in it; empty where no reaction to them is needed.
+    by_solids: &'a mut [Node],
 }
 
 impl NeighbourPass for ForcePass<'_> {
@@ -440,9 +442,14 @@ impl NeighbourPass for ForcePass<'_> {
             }
             let mut total = lanes::total(sum) * self.scale - lanes::total(pairs) * self.cohesion;
             let wall = self.wall[i].vector();
+            let mut by_solids = Vec3::zeros();
             if wall != Vec3::zeros() {
                 let x = self.nodes[i].vector() * self.solids.rest.support;
-                total += self.solids.force(x, wall, self.gradient[i]);
+                by_solids = self.solids.force(x, wall, self.gradient[i]);
+                total += by_solids;
+            }
+            if let Some(kept) = self.by_solids.get_mut(offset) {
+                *kept = Node::new(by_solids, 0.0);
             }
             *force = Node::new(total, energy.sum() - neighbours.padding() as f32 * own_energy);
         }

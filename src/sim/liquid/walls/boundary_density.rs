@@ -12,7 +12,7 @@
 //! Limits: a mesh whose voxels are far larger than h is taken as flat (`density_map.rs`): its convex edges then contribute
 //! 0.4, its concave edges 1.8 of the assumed density.
 
-use super::{Body, Walls, round_density::mean_curvature};
+use super::{Body, Plane, Walls, round_density::mean_curvature};
 use crate::{math::Vec3, solid::Shape};
 
 impl Walls {
@@ -31,7 +31,7 @@ impl Walls {
         let bodies = self.near(x, self.support).map(|body| &self.bodies[body]).filter_map(|body| {
             let keyframed = body.mover.filter(|&mover| mover < self.keyframed);
             let near = keyframed.filter(|_| self.body_distance(body, x) < self.support);
-            near.map(|mover| (mover, Some(body), self.body_density(body, x, self.shift).1))
+            near.map(|mover| (mover, Some(body), self.body_slope(body, x)))
         });
         let did = planes.chain(bodies).map(|(mover, body, falls)| {
             f64::from(falls.dot(&self.displacement(mover, body, x))) * f64::from(-lambda)
@@ -74,6 +74,36 @@ impl Walls {
         (1.0 - open, -open_gradient)
     }
 
+    /// The gradient of [`Self::boundary_density`] alone, which takes less time where only one solid is near.
+    #[inline]
+    pub(in crate::sim::liquid) fn boundary_gradient(&self, x: Vec3) -> Vec3 {
+        let of_plane = |plane: &Plane| {
+            let d = plane.n.dot(&x) - plane.offset;
+            (d < self.support).then(|| plane.n * self.half_space_slope(d))
+        };
+        let mut planes = self.planes.iter().filter_map(of_plane);
+        let near = self.near(x, self.support).map(|body| &self.bodies[body]);
+        let mut bodies = near.filter(|body| self.body_distance(body, x) < self.support);
+        let slope = match (planes.next(), bodies.next()) {
+            (None, None) => Vec3::zeros(),
+            (Some(of_plane), None) if planes.next().is_none() => of_plane,
+            (None, Some(body)) if bodies.next().is_none() => self.body_slope(body, x),
+            _ => return self.boundary_density(x).1,
+        };
+        -slope
+    }
+
+    /// The negative gradient of [`Self::body_density`] alone, which takes less time at round bodies.
+    #[inline]
+    pub(super) fn body_slope(&self, body: &Body, x: Vec3) -> Vec3 {
+        let own = self.own_position(body, x);
+        let contact = body.shape.contact(own);
+        match mean_curvature(&body.shape, own, contact.1, self.support) {
+            Some(curvature) => self.turned(body, contact.1) * self.round_slope(curvature, contact.0),
+            _ => self.body_density_with(body, [x, own], || contact, self.shift).1,
+        }
+    }
+
     /// Density of a half space at distance `d` [m] whose surface is moved inward by `shift` [m].
     #[inline]
     pub(super) fn half_space_density(&self, d: f32, shift: f32) -> f32 {
@@ -114,8 +144,7 @@ impl Walls {
         }
         let (d, n) = contact();
         if let Some(curvature) = mean_curvature(&body.shape, own, n, self.support) {
-            let (share, slope) = self.round_density(curvature, d, shift);
-            return (share, turned(n) * slope);
+            return (self.round_density(curvature, d, shift), turned(n) * self.round_slope(curvature, d));
         }
         // The probe at depth h is closer to the opposite face if the body is a slab thinner than h.
         let n = turned(n);
@@ -163,6 +192,28 @@ mod tests {
             }
             assert!(c.abs() < bound, "{walls_near} walls: C = {c}");
         }
+    }
+
+    #[test]
+    fn gradients_alone_are_those_with_the_density() {
+        let plane = Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] };
+        let block = Shape::Box { min: [0.0, 0.0, 0.1], max: [0.3, 0.2, 0.3] };
+        let ball = Shape::Sphere { center: [0.7, 0.1, 0.3], radius: 0.15 };
+        let bar = Shape::Capsule { from: [0.9, 0.1, 0.3], to: [1.1, 0.3, 0.5], radius: 0.05 };
+        let ring = Shape::Torus { center: [0.4, 0.8, 0.3], axis: [0.0, 1.0, 1.0], radius: 0.2, tube: 0.06 };
+        let walls = walls(&[plane, block, ball, bar, ring]);
+        // No solid, one and several.
+        let mut found = [0; 3];
+        for k in 0..20_000_u32 {
+            let part = |prime: u32| (k * prime % 19_997) as f32 / 19_997.0;
+            let x = Vec3::new(1.3 * part(71), 1.2 * part(397), 0.9 * part(1_879));
+            let near = walls.near(x, walls.support);
+            let near =
+                near.filter(|&body| walls.body_distance(&walls.bodies[body], x) < walls.support).count();
+            found[(near + usize::from(x.z < walls.support)).min(2)] += 1;
+            assert_eq!(walls.boundary_gradient(x), walls.boundary_density(x).1, "{x:?}");
+        }
+        assert!(found.iter().all(|&found| found > 500), "{found:?}");
     }
 
     /// Integral of Poly6 over the solid, moved inward by the calibrated offset.

@@ -398,8 +398,10 @@ impl Walls {
         };
         let mut bodies = self.near_path(all, from, to).map(|body| &self.bodies[body]).peekable();
         // Half spaces at rest do not project a particle that comes from outside of them beyond its path.
-        let count = if bodies.peek().is_some() || self.has_moving_solids() { all } else { 0 };
-        self.project(count, bodies.fold(self.project_onto_planes(to), follow))
+        if bodies.peek().is_none() && !self.has_moving_solids() {
+            return self.project(0, to);
+        }
+        self.project(all, bodies.fold(self.project_onto_planes(to), follow))
     }
 
     /// End of the path from `from` to `to`, stopped before it enters `body` and continued along its surface.

@@ -173,11 +173,10 @@ impl Walls {
         for index in self.near(x, self.support) {
             let body = &self.bodies[index];
             if self.body_distance(body, x) < self.support {
-                let (share, slope) = self.body_density(body, x, self.shift);
                 if index == own {
-                    slope_of_own = slope;
+                    slope_of_own = self.body_slope(body, x);
                 } else {
-                    others *= 1.0 - share;
+                    others *= 1.0 - self.body_density(body, x, self.shift).0;
                 }
             }
         }

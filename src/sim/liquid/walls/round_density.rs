@@ -60,18 +60,28 @@ const MIN_CENTRE_DISTANCE: f64 = 0.05;
 const MAX_CURVATURE: f64 = 1e3;
 
 impl Walls {
-    /// Density of a round solid at distance `d` [m] from a surface with the mean curvature `curvature` [1/m], and the slope with which
-    /// it decreases [1/m].
+    /// Density of a round solid at distance `d` [m] from a surface with the mean curvature `curvature` [1/m], which is moved inward by `shift` [m].
     #[inline]
-    pub(super) fn round_density(&self, curvature: f32, d: f32, shift: f32) -> (f32, f32) {
+    pub(super) fn round_density(&self, curvature: f32, d: f32, shift: f32) -> f32 {
         let inv_h = f64::from(self.inv_support);
-        let curvature = (f64::from(curvature) / inv_h).clamp(0.0, MAX_CURVATURE);
+        let curvature = self.bounded(curvature);
         let (d, shift) = (f64::from(d) * inv_h, f64::from(shift) * inv_h);
         // The offset moves the surface inward: the distance grows and the radius shrinks.
         let shrunk = (curvature / (1.0 - curvature * shift).max(1e-3)).min(MAX_CURVATURE);
-        let share = ball_density(self.rest.kernel, shrunk, d + shift);
-        let slope = ball_slope(self.rest.kernel, curvature, d) * inv_h;
-        (share as f32, slope as f32)
+        ball_density(self.rest.kernel, shrunk, d + shift) as f32
+    }
+
+    /// Slope with which the density of a round solid decreases at distance `d` [m] from a surface with the mean curvature `curvature` [1/m].
+    #[inline]
+    pub(super) fn round_slope(&self, curvature: f32, d: f32) -> f32 {
+        let inv_h = f64::from(self.inv_support);
+        (ball_slope(self.rest.kernel, self.bounded(curvature), f64::from(d) * inv_h) * inv_h) as f32
+    }
+
+    /// A curvature [1/m] over 1/h, as far as it counts.
+    #[inline]
+    fn bounded(&self, curvature: f32) -> f64 {
+        (f64::from(curvature) / f64::from(self.inv_support)).clamp(0.0, MAX_CURVATURE)
     }
 }
 
