@@ -35,6 +35,8 @@ elementary! {
     atan2(y, x) = atan2f, atan2;
     /// Hyperbolic cosine.
     cosh(x) = coshf, cosh;
+    /// Inverse hyperbolic sine.
+    asinh(x) = asinhf, asinh;
     /// Exponential function.
     exp(x) = expf, exp;
     /// Power of two.
@@ -96,6 +98,7 @@ mod tests {
             ("acos", one(-1.0..1.0, acos, acos)),
             ("atan", one(-10.0..10.0, atan, atan)),
             ("cosh", one(-20.0..20.0, cosh, cosh)),
+            ("asinh", one(-100.0..100.0, asinh, asinh)),
             ("exp", one(-80.0..80.0, exp, exp)),
             ("exp2", one(-100.0..100.0, exp2, exp2)),
             ("exp_m1", one(-1.0..1.0, exp_m1, exp_m1)),
@@ -111,12 +114,13 @@ mod tests {
         assert_eq!(found, RECORDED);
     }
 
-    const RECORDED: [(&str, u64); 16] = [
+    const RECORDED: [(&str, u64); 17] = [
         ("sin", 0xa3c9_e61a_a447_43cf),
         ("cos", 0x754b_4a51_e016_5fd5),
         ("acos", 0xef26_82f5_be18_0607),
         ("atan", 0x1f42_72c2_6236_1fbe),
         ("cosh", 0x2ae3_353d_1e87_9b7d),
+        ("asinh", 0x4b4b_b532_26d5_401c),
         ("exp", 0xff7b_4f42_53fc_ebe7),
         ("exp2", 0xd702_813e_bfc9_246d),
         ("exp_m1", 0xd605_9d0f_54c6_3f55),

@@ -7,7 +7,7 @@
 pub const STATE_VERSION: u32 = 23;
 
 /// The same of smoke, whose changes leave shots without smoke alone.
-const SMOKE_STATE_VERSION: u32 = 4;
+const SMOKE_STATE_VERSION: u32 = 5;
 
 /// The same of shots with rigid bodies.
 const BODY_STATE_VERSION: u32 = 8;

@@ -5,6 +5,9 @@
 
 mod imports;
 mod names;
+// Other systems' programs hold the functions themselves, or their names in another form.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+mod program;
 
 use imports::{Sources, code, cycles, imports};
 use std::{
@@ -185,7 +188,7 @@ const LANE_EXPONENTIALS: [&str; 2] = ["src/sim/vortex/flow/gaussian_sums.rs", "s
 /// Files that call functions of the system's mathematical library; `math::elementary` has them all.
 fn system_functions(sources: &Sources) -> Vec<String> {
     let names = "sin cos tan sin_cos exp exp2 ln log10 log2 powf atan2 atan acos asin sinh cosh tanh cbrt hypot exp_m1 ln_1p \
-                 from_euler_angles angle_to slerp try_slerp";
+                 asinh acosh atanh gamma ln_gamma erf erfc from_euler_angles angle_to slerp try_slerp";
     let is_one = |path: &str, name: &str| {
         names.split_whitespace().any(|one| one == name)
             && !(name == "exp" && LANE_EXPONENTIALS.contains(&path))

@@ -8,8 +8,14 @@
 //! Symbols: a, b → offsets from the borders along the two sides [m], z → height above the panel, h² → a² + z² + soft² [m²].
 //! Limits: leakage between the centres is a few per cent on faces and more at edges, where the density ought to be unbounded.
 
-use crate::math::elementary::atan;
-use crate::{math::Vec3, sim::vortex::Gradient, solid::Pose};
+use crate::{
+    math::{
+        Vec3,
+        elementary::{asinh, atan},
+    },
+    sim::vortex::Gradient,
+    solid::Pose,
+};
 
 /// Distance from which a panel counts as a point source, over its longer side: the error is less than 1 %.
 const MIN_POINT_DISTANCE: f32 = 4.0;
@@ -90,7 +96,7 @@ impl Tile {
         let outside = near.z >= -SURFACE_TOLERANCE * self.half[0].min(self.half[1]);
         let line = |h2: f32, ends: [f32; 2]| {
             let h = h2.sqrt();
-            (ends[0] / h).asinh() - (ends[1] / h).asinh()
+            asinh(ends[0] / h) - asinh(ends[1] / h)
         };
         let [ha, hb] = near.squares(self.soft);
         self.axes[0] * (line(ha[1], b) - line(ha[0], b))
