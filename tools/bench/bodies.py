@@ -29,7 +29,7 @@ def balls():
     """Twenty of the 27 places of a grid in the column of a cubic metre, as text of a preset."""
     text = []
     for k in range(20):
-        # One of each layer's nine places, or two, stay empty.
+        # Two or three of each layer's nine places stay empty.
         layer, place = divmod(k, 7)
         row, column = divmod(place + layer, 3)
         centre = [(column + 0.5) / 3, (row % 3 + 0.5) / 3, (layer + 0.5) / 3]

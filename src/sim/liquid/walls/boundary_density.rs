@@ -176,8 +176,9 @@ mod tests {
     use super::*;
     use crate::{
         sim::liquid::{Kernel, calibration::RestState},
-        solid::sampled_mesh,
+        solid::{Pose, Solid, sampled_mesh},
     };
+    use nalgebra::Rotation3;
 
     #[test]
     fn the_density_in_edges_and_corners_leaves_the_seeding_lattice_near_rest() {
@@ -201,7 +202,12 @@ mod tests {
         let ball = Shape::Sphere { center: [0.7, 0.1, 0.3], radius: 0.15 };
         let bar = Shape::Capsule { from: [0.9, 0.1, 0.3], to: [1.1, 0.3, 0.5], radius: 0.05 };
         let ring = Shape::Torus { center: [0.4, 0.8, 0.3], axis: [0.0, 1.0, 1.0], radius: 0.2, tube: 0.06 };
-        let walls = walls(&[plane, block, ball, bar, ring]);
+        let drop = Shape::Ellipsoid { center: [0.0; 3], radii: [0.15, 0.1, 0.08] };
+        let mut walls = walls(&[plane, block.clone(), ball, bar, ring]);
+        walls.add_rigid_bodies(&[block, drop].map(Solid::fixed), |_| 1.0);
+        let rotation = *Rotation3::from_euler_angles(0.4_f32, -0.7, 1.1).matrix();
+        let pose = |x| Pose { rotation, position: Vec3::new(x, 0.9, 0.5) };
+        walls.set_rigid_bodies([1.0, 0.2].into_iter().map(|x| [pose(x); 2]));
         // No solid, one and several.
         let mut found = [0; 3];
         for k in 0..20_000_u32 {
