@@ -42,7 +42,7 @@ impl Sampled {
         if self.nodes.iter().any(|&n| n < 2) || expected != Some(self.values.len()) {
             return Some(format!("{} values for {:?} nodes", self.values.len(), self.nodes));
         }
-        let node = |i: usize| [i % nx, i / nx % ny, i / (nx * ny)];
+        let node = |i: usize| self.place(i);
         if let Some(i) = self.values.iter().position(|value| !value.is_finite()) {
             return Some(format!("{} at node {:?}", self.values[i], node(i)));
         }
@@ -58,6 +58,17 @@ impl Sampled {
             |[i, j, k]: [usize; 3]| [(i, nx), (j, ny), (k, nz)].iter().any(|&(i, n)| i == 0 || i + 1 == n);
         let inside = (0..self.values.len()).find(|&i| self.values[i] < 0.0 && is_edge(node(i)));
         inside.map(|i| format!("{} at node {:?}, at the edge of the grid", self.values[i], node(i)))
+    }
+
+    /// Place of a value's node along each axis.
+    fn place(&self, index: usize) -> [usize; 3] {
+        let [nx, ny, _] = self.nodes.map(|n| n as usize);
+        [index % nx, index / nx % ny, index / (nx * ny)]
+    }
+
+    /// Position of a value's node.
+    pub(crate) fn node(&self, index: usize) -> Vec3 {
+        self.origin + Vec3::from(self.place(index).map(|i| i as f32)) * self.voxel
     }
 
     /// Position of the last node.

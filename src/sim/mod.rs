@@ -10,7 +10,7 @@ pub const STATE_VERSION: u32 = 23;
 const SMOKE_STATE_VERSION: u32 = 5;
 
 /// The same of shots with rigid bodies.
-const BODY_STATE_VERSION: u32 = 8;
+const BODY_STATE_VERSION: u32 = 9;
 
 mod clock;
 pub mod coupling;

@@ -137,9 +137,22 @@ impl Shape {
         }
     }
 
-    /// Centre and radius of a ball around the shape [m]; `None` if it is unbounded.
+    /// Centre of the shape's bounding box and the radius of the smallest ball about it that contains the shape [m]; `None` if it is
+    /// unbounded. The radius of meshes is up to one and a half diagonals of a voxel larger; of meshes that deform, that of their bounds.
     pub(crate) fn bounding_ball(&self) -> Option<(Vec3, f32)> {
-        self.bounds().map(|(low, high)| ((low + high) / 2.0, (high - low).norm() / 2.0))
+        let (low, high) = self.bounds()?;
+        let center = (low + high) / 2.0;
+        let radius = match self {
+            Self::Box { .. } => (high - low).norm() / 2.0,
+            Self::Sphere { radius, .. } => *radius,
+            Self::Capsule { from, to, radius } => (vec3(to) - vec3(from)).norm() / 2.0 + radius,
+            Self::Torus { radius, tube, .. } => radius + tube,
+            Self::Ellipsoid { radii, .. } => vec3(radii).max(),
+            Self::Disc { radius, thickness, .. } => (radius * radius + 0.25 * thickness * thickness).sqrt(),
+            Self::Mesh(mesh) => mesh.radius_about(center),
+            Self::Plane { .. } | Self::Tank { .. } => return None,
+        };
+        Some((center, radius))
     }
 
     /// The lowest and highest corner of a box around the shape [m]; `None` for planes and tanks, which have no end.

@@ -262,6 +262,23 @@ impl MeshShape {
         field.values.iter().fold(0.5 * field.voxel, |deepest, d| deepest.max(-d)) * scale
     }
 
+    /// Radius of a ball about `center` that contains the mesh [m], at most one and a half diagonals of a voxel too large; of one
+    /// that deforms, the radius to the corners of its bounds.
+    pub(super) fn radius_about(&self, center: Vec3) -> f32 {
+        let to_corners = self.corners().iter().map(|corner| (corner - center).norm()).fold(0.0, f32::max);
+        if self.deformation().is_some() {
+            return to_corners;
+        }
+        let Placed { field, pose, scale, .. } = self.placed();
+        // Every point of the surface has a node within half a voxel's diagonal, whose distance is no larger. Where parts overlap distances
+        // are swept, and up to a third of a voxel too large: the other half.
+        let diagonal = 3.0_f32.sqrt() * field.voxel;
+        let center = pose.to_local(center) / *scale;
+        let near = (0..field.values.len()).filter(|&i| field.values[i] <= diagonal / 2.0);
+        let farthest = near.map(|i| (field.node(i) - center).norm()).fold(0.0, f32::max);
+        ((farthest + diagonal) * scale).min(to_corners)
+    }
+
     /// Whether `x` lies within the mesh.
     pub fn contains(&self, x: Vec3) -> bool {
         self.distance(x) < 0.0

@@ -1,4 +1,6 @@
 use super::*;
+use crate::{sdf::Sampled, solid::MeshShape};
+use std::sync::Arc;
 
 fn plane() -> Shape {
     Shape::Plane { point: [0.3, -0.2, 0.1], normal: [1.0, -2.0, 4.0] }
@@ -169,6 +171,46 @@ fn distances_match_a_dense_sampling_of_the_surface() {
             );
             assert_eq!(d.to_bits(), shape.contact(x).0.to_bits());
         }
+    }
+}
+
+#[test]
+fn bounding_balls_contain_shapes_and_are_no_larger() {
+    for shape in all() {
+        let Some((center, radius)) = shape.bounding_ball() else { continue };
+        let farthest = sampled(&shape).0.iter().map(|p| (p - center).norm()).fold(0.0, f32::max);
+        assert!((0.999..1.00001).contains(&(farthest / radius)), "{shape:?} {farthest} {radius}");
+    }
+}
+
+/// Distances to a surface on a grid with another number of nodes along each axis.
+fn sampled_field(distance: impl Fn(Vec3) -> f32) -> Sampled {
+    let nodes = [31, 27, 23];
+    let mut field =
+        Sampled { origin: Vec3::new(-0.75, -0.65, -0.55), voxel: 0.05, nodes, values: Vec::new() };
+    field.values = (0..31 * 27 * 23).map(|i| distance(field.node(i))).collect();
+    field
+}
+
+#[test]
+fn bounding_balls_of_meshes_contain_them_and_are_hardly_larger() {
+    // A ball off the centre, and a bar thinner than a voxel that lies between nodes: none is inside.
+    let (from, to) = (Vec3::new(-0.475, 0.025, 0.025), Vec3::new(0.475, 0.025, 0.025));
+    let capsule = move |x: Vec3, from: Vec3, to: Vec3, radius: f32| {
+        let t = (x - from).dot(&(to - from)) / (to - from).norm_squared().max(1e-9);
+        (x - from - (to - from) * t.clamp(0.0, 1.0)).norm() - radius
+    };
+    let ball = Vec3::new(0.3, 0.2, 0.1);
+    let cases = [(ball, ball, 0.3, ball.norm() + 0.3), (from, to, 0.01, to.norm() + 0.01)];
+    for (from, to, radius, expected) in cases {
+        let field = Arc::new(sampled_field(|x| capsule(x, from, to, radius)));
+        let mut mesh = MeshShape::new("made here");
+        (mesh.scale, mesh.rotate, mesh.translate) = (0.5, [30.0, 50.0, -70.0], [3.0, 2.0, -1.0]);
+        mesh.fill(field.clone());
+        let (center, found) = Shape::Mesh(mesh.clone()).bounding_ball().unwrap();
+        assert!((center - Vec3::from(mesh.translate)).norm() < 1e-5, "{center:?}");
+        let slack = 1.5 * 3.0_f32.sqrt() * field.voxel;
+        assert!((expected..expected + slack).contains(&(found / 0.5)), "{found} {expected}");
     }
 }
 

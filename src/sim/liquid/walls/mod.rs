@@ -128,9 +128,10 @@ impl Body {
             _ => None,
         };
         let (shape, surface) = (solid.shape.clone(), Surface::of(solid));
-        let (mut center, mut reach) = shape.bounding_ball().unwrap_or_default();
         let (low, high) = shape.bounds().unwrap_or_default();
-        let mut half_extent = (high - low) / 2.0;
+        let (mut center, mut half_extent) = ((low + high) / 2.0, (high - low) / 2.0);
+        // That of the box: the ends of paths round in another order where a smaller ball leaves a solid out.
+        let mut reach = half_extent.norm();
         if is_scaling {
             (center, reach) = (Vec3::zeros(), shape.reach() * solid.scales()[1]);
             half_extent = Vec3::repeat(reach);

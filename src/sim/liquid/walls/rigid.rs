@@ -50,8 +50,9 @@ impl Walls {
         for (number, solid) in solids.iter().enumerate() {
             let is_light = density(number) < LIGHT_BODY;
             let contact = if is_light { CONTACT } else { RIGID_CONTACT } * self.rest.spacing;
-            let body = Body { contact, ..Body::new(solid, Some(self.movers.len()), &self.rest) };
-            let (center, reach) = (body.center, body.reach);
+            let (center, reach) = solid.shape.bounding_ball().unwrap_or_default();
+            let body =
+                Body { contact, center, reach, ..Body::new(solid, Some(self.movers.len()), &self.rest) };
             let (before, now) = (Pose::identity(), Pose::identity());
             self.movers.push(MovingSolid { motion: None, center, reach, before, now });
             self.bodies.push(body);
