@@ -42,22 +42,21 @@ impl Sampled {
         if self.nodes.iter().any(|&n| n < 2) || expected != Some(self.values.len()) {
             return Some(format!("{} values for {:?} nodes", self.values.len(), self.nodes));
         }
-        let node = |i: usize| self.place(i);
         if let Some(i) = self.values.iter().position(|value| !value.is_finite()) {
-            return Some(format!("{} at node {:?}", self.values[i], node(i)));
+            return Some(format!("{} at node {:?}", self.values[i], self.place(i)));
         }
         // Twice the sum of the sides: distances by sweeps are a little longer than the diagonal.
         let longest = 2.0 * self.voxel * self.nodes.iter().map(|&n| n as f32).sum::<f32>();
         if let Some(i) = self.values.iter().position(|value| value.abs() > longest) {
-            return Some(format!("{} at node {:?}, longer than the grid", self.values[i], node(i)));
+            return Some(format!("{} at node {:?}, longer than the grid", self.values[i], self.place(i)));
         }
         if self.values.iter().all(|&value| value >= 0.0) {
             return Some("no node inside".to_owned());
         }
         let is_edge =
             |[i, j, k]: [usize; 3]| [(i, nx), (j, ny), (k, nz)].iter().any(|&(i, n)| i == 0 || i + 1 == n);
-        let inside = (0..self.values.len()).find(|&i| self.values[i] < 0.0 && is_edge(node(i)));
-        inside.map(|i| format!("{} at node {:?}, at the edge of the grid", self.values[i], node(i)))
+        let inside = (0..self.values.len()).find(|&i| self.values[i] < 0.0 && is_edge(self.place(i)));
+        inside.map(|i| format!("{} at node {:?}, at the edge of the grid", self.values[i], self.place(i)))
     }
 
     /// Place of a value's node along each axis.

@@ -130,7 +130,7 @@ impl Body {
         let (shape, surface) = (solid.shape.clone(), Surface::of(solid));
         let (low, high) = shape.bounds().unwrap_or_default();
         let (mut center, mut half_extent) = ((low + high) / 2.0, (high - low) / 2.0);
-        // That of the box: the ends of paths round in another order where a smaller ball leaves a solid out.
+        // Of a ball around the box. A smaller one leaves more out of paths, whose ends then have other last bits: docs/decisions/051.
         let mut reach = half_extent.norm();
         if is_scaling {
             (center, reach) = (Vec3::zeros(), shape.reach() * solid.scales()[1]);
