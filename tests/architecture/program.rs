@@ -2,7 +2,7 @@
 
 use std::{collections::HashSet, fs};
 
-/// Functions of the system's mathematical library whose last bits are the system's own, in double precision.
+/// Functions of the system's mathematical library whose last bits are the system's own. Single precision adds an f.
 const INEXACT: &str = "sin cos tan sincos exp exp2 exp10 log log10 log2 pow atan2 atan acos asin sinh cosh tanh asinh acosh atanh cbrt \
                        hypot expm1 log1p tgamma lgamma erf erfc";
 
