@@ -8,7 +8,10 @@ use super::{
     units::{self, UnitError},
 };
 use serde_json::{Map, Number, Value as Json};
-use std::collections::{HashMap, HashSet};
+use std::{
+    cell::OnceCell,
+    collections::{HashMap, HashSet},
+};
 
 /// Where each key of a preset stands, by dotted path.
 #[derive(Debug, Default)]
@@ -46,7 +49,7 @@ pub(crate) struct Checked {
 
 /// Checks a whole preset.
 pub(crate) fn check(root: &Node, model: &Field) -> Checked {
-    let mut walk = Walk { known: Known::of(model), places: Places::default(), findings: Vec::new() };
+    let mut walk = Walk { model, known: OnceCell::new(), places: Places::default(), findings: Vec::new() };
     let values = walk.value(root, root.span, model, "").unwrap_or(Json::Null);
     Checked { values, places: walk.places, findings: walk.findings }
 }
@@ -73,8 +76,11 @@ pub(crate) fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a s
         .map(|(_, candidate)| candidate.to_owned())
 }
 
-struct Walk {
-    known: Known,
+struct Walk<'a> {
+    /// Of the whole preset.
+    model: &'a Field,
+    /// Made for the first key that is unknown.
+    known: OnceCell<Known>,
     places: Places,
     findings: Vec<Finding>,
 }
@@ -125,7 +131,7 @@ fn table_name(path: &str) -> String {
     if path.is_empty() { "the preset's top level".to_owned() } else { format!("`{path}`") }
 }
 
-impl Walk {
+impl Walk<'_> {
     /// The value of `node`, whose key (or heading) is at `place`; `None` if it is wrong or left out.
     fn value(&mut self, node: &Node, place: Span, field: &Field, path: &str) -> Option<Json> {
         self.places.places.insert(path.to_owned(), place);
@@ -177,7 +183,7 @@ impl Walk {
 
     fn table(&mut self, entries: &[Entry], place: Span, keys: &[Key], path: &str) -> Json {
         let mut values = Map::new();
-        let mut misspelt = Vec::new();
+        let (mut misspelt, mut moved) = (Vec::new(), false);
         for entry in entries {
             let path = join(path, &entry.key);
             match keys.iter().find(|key| key.name == entry.key) {
@@ -186,11 +192,13 @@ impl Walk {
                         values.insert(entry.key.clone(), value);
                     }
                 }
-                None => misspelt.extend(self.unknown_key(entry, keys, &path)),
+                None => {
+                    moved |= self.moved(&path).is_some();
+                    misspelt.extend(self.unknown_key(entry, keys, &path));
+                }
             }
         }
         // A required key that is there, but misspelt, is one mistake and not two; so is a table whose keys have moved.
-        let moved = entries.iter().any(|entry| self.moved(&join(path, &entry.key)).is_some());
         let misspelt: HashSet<String> = misspelt.into_iter().collect();
         for key in keys.iter().filter(|key| key.required && !moved && !misspelt.contains(&key.name)) {
             if !entries.iter().any(|entry| entry.key == key.name) {
@@ -206,7 +214,11 @@ impl Walk {
 
     /// Where the key at `path` is now, if earlier versions had it there.
     fn moved(&self, path: &str) -> Option<&String> {
-        self.known.moved.get(path)
+        self.known().moved.get(path)
+    }
+
+    fn known(&self) -> &Known {
+        self.known.get_or_init(|| Known::of(self.model))
     }
 
     /// Reports a key that the table does not have, and returns the one that may have been meant.
@@ -223,7 +235,7 @@ impl Walk {
             self.findings.push(finding);
             return None;
         }
-        let elsewhere = self.known.by_name.get(&entry.key);
+        let elsewhere = self.known().by_name.get(&entry.key);
         let advice = match (&nearest, elsewhere) {
             (Some(name), _) => format!("did you mean `{name}`? "),
             (None, Some(other)) => format!("did you mean `{other}`? "),

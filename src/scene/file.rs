@@ -145,18 +145,18 @@ fn read(
             return None;
         }
     };
-    let model = model::of::<Scene>();
+    let model = Scene::model();
     let tiers = take_tiers(&mut root, findings);
 
     // Each tier that is not requested is checked on top of the preset; only what it adds is its fault.
     let mut known = Vec::new();
-    interpret(&root, &model, &preset.home, &mut known);
+    interpret(&root, model, &preset.home, &mut known);
     let known: HashSet<Finding> = known.into_iter().collect();
     for (name, tier) in tiers.iter().filter(|(name, _)| Some(*name) != overrides.quality) {
         let mut shot = root.clone();
         shot.overlay(tier.clone());
         let mut found = Vec::new();
-        interpret(&shot, &model, &preset.home, &mut found);
+        interpret(&shot, model, &preset.home, &mut found);
         findings.extend(found.into_iter().filter(|finding| !known.contains(finding)).map(|finding| {
             Finding { message: format!("with quality `{name}`: {}", finding.message), ..finding }
         }));
@@ -179,7 +179,7 @@ fn read(
             findings.push(*finding);
         }
     }
-    let mut scene = interpret(&root, &model, &preset.home, findings)?;
+    let mut scene = interpret(&root, model, &preset.home, findings)?;
     match assets::read(&mesh_files(&scene), &preset.home) {
         Ok(assets) => scene.assets = assets,
         Err(finding) => findings.push(*finding),

@@ -14,7 +14,7 @@ pub fn markdown() -> String {
          A number may be a text with a unit (`\"2 cm\"`); a bare number is in the unit of the unit column. Keys marked\n\
          *required* have no default. Keys marked *optional* are off when left out, or when set to `\"none\"`.\n",
     );
-    let root = model::of::<Scene>();
+    let root = Scene::model();
     if let Kind::Table(keys) = &root.kind {
         section(&mut out, "Top level", &root.doc, keys, "");
     }
@@ -259,7 +259,7 @@ mod tests {
             }
         }
         let (text, mut found) = (markdown(), Vec::new());
-        names(&model::of::<Scene>(), &mut found);
+        names(Scene::model(), &mut found);
         assert!(found.len() > 30);
         for name in found {
             assert!(

@@ -1,10 +1,7 @@
 //! Presets good and bad, read from end to end.
 
 use super::*;
-use crate::{
-    frame::FrameIndex,
-    preset::model::{self, Kind},
-};
+use crate::{frame::FrameIndex, preset::model::Kind};
 use proptest::prelude::*;
 
 fn preset(text: &str) -> Preset {
@@ -589,7 +586,7 @@ proptest! {
 
 #[test]
 fn the_schema_of_a_scene_has_only_forms_that_the_check_knows() {
-    let Kind::Table(keys) = model::of::<Scene>().kind else { panic!("a scene is a table") };
+    let Kind::Table(keys) = &Scene::model().kind else { panic!("a scene is a table") };
     let required: Vec<_> = keys.iter().filter(|key| key.required).map(|key| key.name.as_str()).collect();
     assert_eq!(required, ["title", "frames"]);
     let liquid = &keys.iter().find(|key| key.name == "liquid").unwrap().field;

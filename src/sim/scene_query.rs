@@ -1,15 +1,22 @@
 //! Queries of a scene by key, for jobs that work with any key of a preset.
 
 use super::{scene::Scene, smoke::estimate};
-use crate::preset::model::{self, Key, Kind};
+use crate::preset::model::{self, Field, Key, Kind};
 use serde_json::Value as Json;
+use std::sync::OnceLock;
 
 impl Scene {
+    /// What the keys of a preset may be. Made once, as the schema of some hundred keys takes milliseconds.
+    pub(crate) fn model() -> &'static Field {
+        static MODEL: OnceLock<Field> = OnceLock::new();
+        MODEL.get_or_init(model::of::<Self>)
+    }
+
     /// Optional tables that the scene does not have ("liquid.vorticity"), whose passes do not run.
     pub fn absent_tables(&self) -> Vec<String> {
         let values = self.values();
         let mut found = Vec::new();
-        if let Kind::Table(keys) = &model::of::<Self>().kind {
+        if let Kind::Table(keys) = &Self::model().kind {
             absent(keys, &values, "", &mut found);
         }
         found
